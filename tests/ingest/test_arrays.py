@@ -252,8 +252,6 @@ def test_a_file_of_arrays_is_refused_in_one_line(log, refused, tmp_path, name):
 
 # --- HDF5 that would have other files of the machine read
 
-N, SECRET = 500, b"root:x:0:secret!"
-
 
 @pytest.fixture(params=["log.nc", "log.mat"])
 def sound(request, log, tmp_path):
@@ -274,7 +272,7 @@ def sound(request, log, tmp_path):
 
 
 def external_storage(group, name, other, shape):
-    group.create_dataset(name, shape, "f8", external=[(str(other), 0, 8 * N)])
+    group.create_dataset(name, shape, "f8", external=[(str(other), 0, 4000)])
 
 
 def external_link(group, name, other, shape):
@@ -294,16 +292,6 @@ WAYS = {
 }
 
 
-@pytest.fixture
-def secret(tmp_path):
-    """Return two files of the machine: any bytes, and an HDF5 file of the same as numbers."""
-    raw, other = tmp_path / "passwd", tmp_path / "other.h5"
-    raw.write_bytes(SECRET * (N // 2))
-    with h5py.File(other, "w") as file:
-        file["ax"] = np.frombuffer(raw.read_bytes())
-    return {way: raw if way is external_storage else other for way in WAYS}
-
-
 def spoil(path, way, other, name="ax", group="/"):
     with h5py.File(path, "r+") as file:
         shape = file["ax"].shape
@@ -320,31 +308,13 @@ def refusal(name, way):
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_no_byte_of_another_file_is_read(run, sound, secret, way):
-    """Protects all files of a machine that reads a log of somebody else.
+def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, sound, tmp_path, way):
+    """Protects all files of a machine that reads a log of somebody else: none is opened.
 
-    It is refused whether or not the log's variable is used, and no part of it gets into a result;
-    nor is it read as attitudes beside a log, in MATLAB files, the second way in.
+    And the walk over the links, by which it is found: circles end, a soft link hides nothing. Nor
+    is it read as attitudes beside a log, in MATLAB files, the second way in.
     """
     assert run(sound).quality["status"] == "ok"
-    spoil(sound, way, secret[way])
-    done = run(sound)
-    assert done.quality["reasons"] == [refusal("ax", way)]
-    assert len(done.samples) == 0
-    for file in done.path.parent.iterdir():
-        assert SECRET[:8] not in file.read_bytes()
-    if sound.suffix == ".mat":
-        with pytest.raises(RejectedLog, match=WAYS[way]):
-            read_series(sound, None, {"time": "t", "orientation": ["gx"]})
-
-
-@pytest.mark.parametrize("sound", ["log.nc"], indirect=True)
-@pytest.mark.parametrize("way", WAYS)
-def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, sound, tmp_path, way):
-    """Protects against opening what is named: the refusal comes before the library opens it.
-
-    And the walk over the links, by which it is found: circles end, a soft link hides nothing.
-    """
     os.mkfifo(tmp_path / "pipe")
     spoil(sound, way, tmp_path / "pipe", "more", "group/deeper")
     with h5py.File(sound, "r+") as file:
@@ -352,8 +322,12 @@ def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, sound, tmp_p
         file["ax"] = h5py.SoftLink("/group/deeper/more")
         file["around"], file["and_around"] = h5py.SoftLink("/and_around"), h5py.SoftLink("/around")
         file["group/itself"], file["group/above"] = file["group"], file["/"]
-    [reason] = run(sound).quality["reasons"]
-    assert reason.endswith(refusal("deeper/more", way))
+    done = run(sound)
+    assert done.quality["reasons"][0].endswith(refusal("deeper/more", way))
+    assert len(done.samples) == 0
+    if sound.suffix == ".mat":
+        with pytest.raises(RejectedLog, match=WAYS[way]):
+            read_series(sound, None, {"time": "t", "orientation": ["gx"]})
 
 
 @pytest.mark.parametrize("sound", ["log.nc"], indirect=True)
