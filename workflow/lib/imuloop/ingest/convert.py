@@ -26,7 +26,7 @@ class Counts:
     """What became of the rows of a log, each counted once, and why it cannot be used (`reasons`).
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `like_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
+    `is_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
     quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
     without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
     1970, None without dates, `begin_s` how long it is after the log's first stamp, s.
@@ -49,8 +49,8 @@ class Counts:
     begin_s: float = 0.0
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
-    like_gravity: tuple = (0, 0)
-    in_two_units: dict = field(default_factory=dict)
+    is_gravity: bool = False
+    in_two_units: dict | None = None
     increments: dict | None = None
     pps: dict | None = None
     logged: dict | None = None
@@ -125,8 +125,8 @@ def si_samples(rows, timing, log, units, raw_units):
         impossible_values=impossible,
         time_unit=timing.time_unit,
         clock=timing.clock,
-        like_gravity=misread.like_gravity(rows.values),
-        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else {},
+        is_gravity=misread.is_gravity(rows.values),
+        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else None,
     )
     counts.increments = increments.figures(log, units, counts, timing)
     if not keep.any():
