@@ -52,11 +52,9 @@ def test_dates_and_times_of_the_day_are_stamps(log, run, form, start):
 @pytest.mark.parametrize(
     ("stamps", "given", "line"),
     [
-        (None, {}, r"no time column .*give rate in Hz"),
         (None, {"rate": 100, "time_range": ["2024-01-01", None]}, "is a date, but the log's"),
         (brief().t, {"time_range": ["2024-01-01", "2024-01-02"]}, "is a date, but the log's"),
         (brief().t, {"time_range": [4, 4]}, "is not before the end"),
-        (brief().t, {"units": {"time": "ISO 8601"}}, "holds numbers; use one of s"),
         *((MOMENTS, {"time_range": [text, None]}, f"'{text}' is no ISO 8601 stamp")
           for text in ("yesterday", "now", "10:00", "NaT", "")),
     ],

@@ -122,17 +122,3 @@ def test_columns_of_any_name_are_increments_where_their_unit_says_so(log, run):
     units = {"acceleration": "mm/s", "angular_rate": "deg"}
     done = run(log.assign(**log[FORCE] * 10, **log[RATE] * 0.01 / DEGREE), units=units)
     np.testing.assert_allclose(done.samples[SIX], log[SIX].iloc[1:], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("declared", "line"),
-    [
-        ({}, "no time column"),
-        ({"columns": {"interval": "step"}, "rate": 100},
-         r"columns.interval: no column 'step'; there are dvx"),
-        ({"columns": {"interval": "dvx"}, "units": {"interval": "usec"}},
-         r"units.interval: 'usec' is not a unit; .* 'us'\?"),
-    ],
-)  # fmt: skip
-def test_intervals_that_are_declared_wrongly_are_one_line(rates, refused, declared, line):
-    refused(line, pd.DataFrame(rates * 0.01, columns=DELTA), **declared)

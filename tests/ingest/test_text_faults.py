@@ -53,6 +53,7 @@ def test_text_that_is_no_log_is_rejected_in_one_line(run, tmp_path, content, rea
 
 
 HEADLESS, SIX_BY_NUMBER = {"header": False}, {"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]}
+DELTA = [f"{name}{axis}" for name in ("dv", "dtheta_") for axis in "xyz"]
 MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
 
 
@@ -74,6 +75,10 @@ MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
         ({"header": ["sec", *SIX[:5], "nsec"]}, {"columns": {"angular_rate": None}},
          "sec and nsec are not whole seconds and a part of a s"),
         (inserted(brief(), 1, "s,g,g,g,rph,rph,rph"), {}, r"angular_rate: the log says 'rph'"),
+        ({"header": ["t", *DELTA]}, {"columns": {"interval": "step"}},
+         r"columns.interval: no column 'step'; there are t, dvx"),
+        ({"header": ["t", *DELTA]}, {"columns": {"interval": "dvx"}, "units": {"interval": "usec"}},
+         r"units.interval: 'usec' is not a unit; .* 'us'\?"),
         ({"header": ["t [week]", *SIX]}, {}, r"csv: units\.time: the log says 'week'"),
         ({"header": ["t", *(f"{x} [furlong]" for x in SIX[:3]), *SIX[3:]]}, {}, "says 'furlong'"),
         (text(brief().assign(t=[f"31.12.2023 12h{i}" for i in range(500)])), {},

@@ -29,7 +29,8 @@ class Counts:
     `is_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
     quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
     without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
-    1970, None without dates, `begin_s` how long it is after the log's first stamp, s.
+    1970, None without dates, `begin_s` how long it is after the log's first stamp, s, which is
+    `origin` as logged.
     """
 
     reasons: list = field(default_factory=list)
@@ -47,6 +48,7 @@ class Counts:
     spike_values: dict = field(default_factory=_of_channels)
     start_ns: int | None = None
     begin_s: float = 0.0
+    origin: float = 0.0
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
     is_gravity: bool = False
@@ -132,7 +134,7 @@ def si_samples(rows, timing, log, units, raw_units):
     if not keep.any():
         return no_samples(log), counts
     zero, t = timing.x[keep][0].item(), timing.times(keep)
-    counts.begin_s = float((zero - timing.origin) * timing.scale)
+    counts.origin, counts.begin_s = timing.origin, float((zero - timing.origin) * timing.scale)
     counts.start_ns = timing.moment(zero)
     samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
     if timing.even:

@@ -267,9 +267,9 @@ def check(reading, samples, counts, declared, kind):
     known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
     origin |= {name: found for name, found in known.items() if found}
     if declared.reference and not (reasons or wrong):
-        files = reading.files.get("reference", reading.files.get("log")), reading.files.get("log")
         own = declared.of_log() | {"units": units}
-        columns, beside, wrong = reference.beside(samples, *files, declared.reference, own, counts)
+        how = reading.files, declared.reference, own, counts
+        columns, beside, wrong = reference.beside(samples, *how)
         origin["reference"] = beside
         samples |= columns
     lines = reading.doubts + pps.warnings(counts.pps)
