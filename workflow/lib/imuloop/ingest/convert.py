@@ -1,6 +1,7 @@
 """From the rows of a log to samples: SI units, time from zero, faulty rows dropped and counted."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +18,7 @@ from imuloop.ingest.spellings import SENSORS
 BEYOND = 1e10
 
 
-def _of_channels():
-    return dict.fromkeys(CHANNELS, 0)
+_of_channels = partial(dict.fromkeys, CHANNELS, 0)
 
 
 @dataclass
