@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
 from imuloop.ingest.ingest import Declared, ingest
@@ -56,3 +57,15 @@ def run(tmp_path):
         return Ingested(read_samples(target), quality, read_metadata(target), target)
 
     return call
+
+
+@pytest.fixture
+def refused(run):
+    """Check that a log is refused in one line: as rejected, or, where `error`, as misdeclared."""
+
+    def check(line, *paths, error=True, **declared):
+        with pytest.raises(ImuloopError if error else RejectedLog, match=line) as caught:
+            raise RejectedLog(*run(*paths, **declared).quality["reasons"][:1])
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 600
+
+    return check

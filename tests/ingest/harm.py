@@ -122,16 +122,6 @@ def held(log, names, count):
 
 
 @harm
-def copied(log, one, other):
-    log[other] = log[one]
-
-
-@harm
-def deadened(log, names, width):
-    log[names] = log[names].where(log[names].abs() >= width, 0.0)
-
-
-@harm
 def every(log, count, names, value):
     """Put a value into each of so many rows, as a bus does whose reads fail."""
     log.loc[1::count, names] = value
@@ -212,24 +202,9 @@ def turned_in_a_gap(log):
 
 
 @harm
-def first(log, rows):
-    return log[:rows]
-
-
-@harm
-def without(log, label):
-    return log.drop(index=[label])
-
-
-@harm
 def lost(log, share):
     """Lose a share of the rows at random."""
     return log[np.random.default_rng(2).random(len(log)) > share]
-
-
-@harm
-def lost_each(log, count):
-    return log[log.index % count > 0]
 
 
 @harm

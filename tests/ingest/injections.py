@@ -25,11 +25,11 @@ from imuloop.core.units import DEGREE
 # isort: off
 # fmt: off
 from ingest.harm import (
-    about_x, added, after, at, changed_amid, clipped, clipped_share, copied, counter, deadened,
-    distorted, every, first, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
-    in_packets, late, later, lost, lost_each, nothing, on_grid, put, reached, rounded,
+    about_x, added, after, at, changed_amid, clipped, clipped_share, counter,
+    distorted, every, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
+    in_packets, late, later, lost, nothing, on_grid, put, reached, rounded,
     sampled_unevenly, scaled, scattered, sixteen_bits, spikes, stamps, summed,
-    turned, turned_in_a_gap, twice, unpadded, without, wrapped, written_twice,
+    turned, turned_in_a_gap, twice, unpadded, wrapped, written_twice,
 )
 # fmt: on
 # isort: on
@@ -145,9 +145,10 @@ VALUES = [
     *both("clipped above", clipped_share("ax", 0.93), "at a repeated extreme value: ax "),
     *both("both sensors at half the rate", held(ALL, 2), "held: acceleration for 2 rows,"),
     *both("the force at no whole share", held(FORCE, 2.5), "held: acceleration for 2.5 rows"),
-    *both("an axis as one of the other sensor", copied("ax", "gx"), "gx is a copy of ax: see col"),
-    *both("a dead zone", deadened(RATE, 0.04), "no noise at rest: gx, gy, gz;",
-          "never changing: gx, gy, gz"),
+    *both("an axis as one of the other sensor", lambda log: log.assign(gx=log.ax),
+          "gx is a copy of ax: see col"),
+    *both("a dead zone", lambda log: log.assign(**log[RATE].where(log[RATE].abs() > 0.04, 0.0)),
+          "no noise at rest: gx, gy, gz;", "never changing: gx, gy, gz"),
     *both("a temperature in K", scaled(TEMPERATURE, 1, 273.15), "counts, failed reads, or in K"),
     *both("a temperature that never changes", put([TEMPERATURE], 21.0), "is 21 degC throughout"),
     *both("a force a hundred times too small", scaled(FORCE, 0.01), "gravity is in it, in 9 ",
@@ -190,15 +191,15 @@ VALUES = [
         (2, ["gy", "gz"], 32767 * 0.001, "gy, gz: 50% of rows hold"),
         (2, FORCE, 0.0, "ax, ay, az: 50% of rows hold"),
         (3, RATE, 0.0, "gx, gy, gz: 33% of rows hold")]],
-    Injection("an integer that wraps around 3 times, units wrong", "poses", wrapped(3),
-              ("taken as m/s^2, it looks like g", "taken as rad/s, it looks like deg/s",
-               "an integer that wraps around"), rejected=True,
-              figures={"faults.wraps.gx": lambda found: found >= 3}),
+    *[Injection(f"an integer that wraps around {n} times, units wrong", "poses", wrapped(n), None,
+                rejected=True, figures={"faults.wraps.gx": lambda found, n=n: found >= n,
+                "reasons.0": lambda line, said=said: said in line})
+      for n, said in ((3, "m/s^2, it looks like g"), (21, "an integer that wraps around"))],
     Injection("a turn while nothing is logged", "poses", turned_in_a_gap(),
               ("1 gap", "was turned while nothing was logged"),
               figures={"faults.rests.gap_s": lambda s: s > 1}),
     # rows that cannot be used: dropped and counted
-    Injection("spikes", "rest", after(first(2000), *(added([row], name, 3.0) for row, name in
+    Injection("spikes", lambda: rest()[:2000], after(*(added([row], name, 3.0) for row, name in
               ((99, "ay"), (299, "gz"), (1234, "gz"), (1400, "gx")))),
               ("rows dropped for a spike that no body makes: ay 1, gx 1, gz 2",),
               drops=(99, 299, 1234, 1400), figures={"spiked": 4, "gaps.count": 0,
@@ -227,9 +228,9 @@ VALUES = [
               ("samples at the end of the full scale: ax 3; rests, turns and moves with them",),
               declared={"full_scale": {"acceleration": 16.0}}, figures={"clipped.ax": 3,
               "clipped.ay": 0, "clipped.gx": None, "rails": {"ax": [-15.68, 15.68]}}),
-    Injection("too few rows", "brief", first(99),
+    Injection("too few rows", "brief", lambda log: log[:99],
               ("99 usable rows, at least 100 needed",), rejected=True),
-    Injection("too short", "brief", first(150),
+    Injection("too short", "brief", lambda log: log[:150],
               ("the log lasts 1.49 s, at least 2 s needed",), rejected=True),
     Injection("few blocks of white noise", lambda: brief(1100), scaled("t", 100 / 350),
               declared=STATIC),
@@ -332,11 +333,12 @@ UNITS = [
                 (f"in {name} it is 2023-11-14", f"units.time is s, the log says {name}"),
                 declared={"units": {"time": "s"}}, rejected=True)
       for name, ticks in (("ms", 1e3), ("ns", 1e9))],
-    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3), (text,), rejected=True)
-      for log, text in (("rest", "the stamps look like milliseconds: they are whole"),
-                        ("poses", "the gyroscope are 1,000 times those of gravity"))],
-    Injection("stamps in us taken as s", "rest", scaled("t", 1e6),
-              ("the stamps look like us; declare units.time: us",), rejected=True),
+    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3, part), (text,), True)
+      for log, part, text in (("rest", 0, "the stamps look like milliseconds: they are whole"),
+                            ("poses", 0.1, "the gyroscope are 1,000 times those of gravity"))],
+    *[Injection(f"stamps in {name} taken as s", "rest", scaled("t", ticks),
+                (f"the stamps look like {name}; declare units.time: {name}",), rejected=True)
+      for name, ticks in (("us", 1e6), ("ns", 1e9))],
     *[Injection(f"stamps {step} s apart", "brief", stamps(lambda t, s=step: np.arange(len(t)) * s),
                 ("Hz is no rate of an IMU",), rejected=True) for step in (5e-324, 1e-12, 1e100)],
 ]  # fmt: skip
@@ -421,7 +423,8 @@ CLOCKS = [
       for std, more, drops in ((5e-4, (), ()), (2e-3, (), ()),
                                (5e-3, ("25 stamps lie ahead of rows", "25 gaps"), None))],
     Injection("stamps that scatter, one sample lost", "swaying",
-              after(scattered(0.002, 13), without(9000)), (SCATTER, "1 gap, 0.02 s"), drops=None,
+              after(scattered(0.002, 13), lambda log: log.drop(index=[9000])),
+              (SCATTER, "1 gap, 0.02 s"), drops=None,
               figures=REBUILT | {"gaps.list.0.start_s": lambda s: abs(s - 89.99) < 0.05}),
     Injection("a sensor that is sampled unevenly", "swaying", sampled_unevenly(), None, drops=None,
               figures=NOT_REBUILT),
@@ -430,9 +433,10 @@ CLOCKS = [
                 figures={"rate_hz": lambda hz, rate=rate: abs(hz / rate - 1) < 1e-4,
                          "gaps.count": 0, "clock.jitter_ppm": lambda ppm: ppm < 1})
       for rate, grid in ((90.0, 0.01), (62.5, 0.01), (26.0, 0.02))],
-    Injection("stamps on a grid, samples lost", "poses", after(on_grid(90.0, 0.01), lost(0.05)),
-              None, drops=None, figures=NOT_REBUILT),
-    Injection("samples lost at even intervals", "poses", lost_each(10), None, figures=NOT_REBUILT),
+    *[Injection(f"samples lost, {name}", "poses", harm, None, drops=None, figures=NOT_REBUILT |
+                {"rate_hz": lambda hz: abs(hz - 100) < 1e-3})
+      for name, harm in (("each tenth", lambda log: log[log.index % 10 > 0]),
+                         ("a fifth at random", lost(0.2)))],
     # in moves too; that must not hide the scale that turns show
     Injection("one sample in thirty lost", "poses", lost(0.03), ("gaps",),
               figures={"faults.rests.turn_ratio.moves": lambda moves: moves >= 7}),

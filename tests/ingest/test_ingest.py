@@ -51,17 +51,6 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
 # --- hostile files: one clear line, nothing half-written, nothing outside
 
 
-def test_a_hole_of_zeros_in_a_file_is_a_line_that_is_no_row(log, run, tmp_path):
-    """Protects what a logger's disk holds after its power failed."""
-    half = len(log) // 2
-    with open(tmp_path / "log.csv", "wb") as file:
-        file.write(log.head(half).to_csv(index=False).encode())
-        file.seek(1 << 27, os.SEEK_CUR)
-        file.write(b"\n" + log.tail(half).to_csv(index=False, header=False).encode())
-    found = run(tmp_path / "log.csv").quality
-    assert (found["status"], found["rows"], found["bad_lines"]) == ("ok", 500, 1)
-
-
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
 @pytest.mark.parametrize("name", ["log.csv", "log.bag"])
 def test_what_is_no_file_is_reported_and_never_waited_for(run, tmp_path, kind, name):

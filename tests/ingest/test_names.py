@@ -26,14 +26,11 @@ def each(*names):
 # OxIOD (no specific force), Delsys, ulog2csv, DatCon, Tobii, Shimmer, VectorNav, MicroStrain,
 # gnss-ins-sim, ST.
 LOGGERS = """
-t,a*,g*,temp | 0 1 4 7 |
-time,acc_*,gyr_*,temperature | 0 1 4 7 |
 timestamp,a*,w*,temperature | 0 1 4 7 |
 timestamp,imu.acc.*,imu.gyro.*,imu.temperature | 0 1 4 7 |
 time,*acc,*gyro,temperature | 0 1 4 7 |
 stamp,linear_acceleration.*,angular_velocity.* | 0 1 4 - |
 time_us,accelerometer_*,gyroscope_*,temp_c | 0 1 4 7 | t us, T degC
-t,dv*,da* | 0 1 4 - | a m/s, w rad
 t,imu.delta_velocity.*,imu.delta_angle.* | 0 1 4 - | a m/s, w rad
 t,deltaVel&,deltaAng& | 0 1 4 - | a m/s, w rad
 t,delta_velocity[#],dang[#] | 0 1 4 - | a m/s, w rad
@@ -80,6 +77,14 @@ UTC Timestamp,scaledAccel&,scaledGyro& | 0 1 4 - |
 ref_time (sec),accel_* (m/s^2),gyro_* (deg/s) | 0 1 4 - | t s, a m/s^2, w deg/s
 time [s],f_ib_b_* [m/s^2],omega_ib_b_* [rad/s] | 0 1 4 - | t s, a m/s^2, w rad/s
 millis,acc_*_mg,gyr_*_mdps | 0 1 4 - | t ms, a mg, w mdeg/s
+seconds,f_*,omega_* | 0 1 4 - | t s
+timestamp [ns],w_RS_S_* [rad s^-1],a_RS_S_* [m s^-2] | 0 4 1 - | t ns, a m/s^2, w rad/s
+t,left.a*,left.g*,imu_degC | 0 1 4 7 | T degC
+t,a*,g*,temp_degC | 0 1 4 7 | T degC
+t,a*,gyro_dps_* | 0 1 4 - | w deg/s
+t,a*,gyro&dps | 0 1 4 - | w deg/s
+t,a*,*_dps | 0 1 4 - | w deg/s
+t,imu0_a*,imu0_g*_dps | 0 1 4 - | w deg/s
 """.strip().splitlines()
 
 
@@ -109,12 +114,6 @@ def test_each_line_of_the_table_is_read():
         for unit, spelt in units.items():
             for text in (unit, *spelt):
                 assert unit in (stated_unit(quantity, text), stated_unit(quantity, text, True))
-
-
-def test_increments_that_are_declared_have_their_interval():
-    found = resolve(each(f"t,{SIX},dv*,da*,dt"), {"acceleration": ["dvx", "dvy", "dvz"]})
-    assert (found.units, found.increments) == ({"acceleration": "m/s"}, {"acceleration"})
-    assert found.others == {"interval.acceleration": 13, "interval.angular_rate": 13}
 
 
 @pytest.mark.parametrize(

@@ -133,18 +133,6 @@ def test_measured_rest_is_static(recordings, run, i):
     assert found["faults"]["rests"]["share"] > 0.999
 
 
-def test_an_integer_that_wraps_around_is_named(measured, recordings, tmp_path, run):
-    log, nominal = np.loadtxt(recordings("xsens_acc.mat")), measured.devices["xsens_mti"]["nominal"]
-    wide = 7.0 / nominal["acceleration"]["scale"]
-    wrapped = np.column_stack([log[:, 0], (log[:, 1:] - 32768 + wide) % (2 * wide) - wide + 32768])
-    np.savetxt(tmp_path / "wrapped_acc.mat", wrapped, fmt="%.6f")
-    paths = tmp_path / "wrapped_acc.mat", recordings("xsens_gyro.mat")
-    found = run(*paths, units=COUNTS, nominal=nominal).quality
-    assert found["status"] == "rejected"
-    [reason] = found["reasons"]
-    assert "an integer that wraps around" in reason and "ax" in reason
-
-
 def test_a_recording_of_increments_is_rejected_with_the_cause(recordings, run):
     """Protects a whole file as a logger writes it: no header, no units, three columns of angles."""
     path = recordings("unlabelled_increments_100Hz.txt.gz")

@@ -6,12 +6,10 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
 
 from beside import DECLARED, PLACE, QUATERNION, written
 from beside import ingested as ingested_files
 from imuloop.core.samples import read_columns
-from imuloop.ingest.reference import read_series
 from simulated_reference import Beside, simulate_beside
 
 SEED = 12160
@@ -116,14 +114,3 @@ def test_a_reference_in_the_log_itself_is_read(tmp_path):
     assert quality["status"] == "ok"
     assert quality["reference"]["lost"] == odd.sum()
     assert quality["reference"]["coverage"] > 0.99
-
-
-def test_a_reference_in_the_variables_of_a_matlab_file_is_read(tmp_path):
-    """Protects recordings whose attitudes are one matrix, beside a log of another length."""
-    columns = sound()[1]
-    q = np.column_stack([columns[name] for name in QUATERNION])
-    savemat(tmp_path / "log.mat", {"imu": np.zeros((7, 3)), "q": q, "s": columns["t"][:, None]})
-    names = {"time": "s", "orientation": [f"q.{k}" for k in range(4)]}
-    stamps, values = read_series(tmp_path / "log.mat", None, names)
-    np.testing.assert_array_equal(values, q)
-    np.testing.assert_array_equal(stamps.to_numpy(), columns["t"])

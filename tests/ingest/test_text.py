@@ -1,6 +1,7 @@
 """Text tables, however loggers write them: the same samples."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pytest
@@ -100,7 +101,8 @@ WAYS = {
     **{f"{a} and {b}": (lambda log, a=a, b=b, ns=ns: text(two_columns(log, a, b, ns)), {}, (),
                         {"columns.time": [a, b], "start": "2022-04-15T05:22:03.987654Z"})
        for a, b, ns in [("header.stamp.sec", "header.stamp.nanosec", 1), ("sec", "nanosec", 1),
-                        ("%time.secs", "%time.nsecs", 1), ("tv_sec", "tv_usec", 1000)]},
+                        ("%time.secs", "%time.nsecs", 1), ("tv_sec", "tv_usec", 1000),
+                       ("seconds", "nanoseconds", 1), ("seconds", "microseconds", 1000)]},
     "two columns of time, declared":
         (lambda log: text(two_columns(log, "a", "b", receipt=False)),
          {"columns": {"time": ["a", "b"]}}),
@@ -116,7 +118,17 @@ WAYS = {
     **{f"a row of each sensor, its name {at}, {end!r}":
            (lambda log, at=at, end=end: of_each(log, at, end), {})
        for at in (0, 4) for end in ("\n", "\r\n")},
-    "Gyroflow": (gyroflow, {}, (), {}, ROUNDED),
+    **{f"Gyroflow, {how}": (partial(gyroflow, **how), {}, (), {}, ROUNDED)
+       for how in ({}, {"tick": 0.0025}, {"tick": 1e-4}, {"tick": 1e-6}, {"head": "CAMERA"})},
+    **{f"lines before a table: {line}":
+           (lambda log, line=line: f"{line}\n{text(log)}", {})
+       for line in ('{"device": "imu"}', "[INFO] started", "{", "a | b", "t|ax")},
+    "names with a prefix beside the usual ones":
+        (lambda log: text(log.join(log.add_prefix("imu1_") + 1).assign(SampleTimeFine=log.t * 2)),
+         {}),
+    # as of an Xsens without ticks
+    "an empty column of ticks":
+        (lambda log: text(log.assign(t="").rename(columns={"t": "SampleTimeFine"})), {"rate": 100}),
     "columns that end before those of another sensor":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),
     **{f"the unit {unit}":

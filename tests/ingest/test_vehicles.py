@@ -2,9 +2,7 @@
 
 import re
 import shutil
-import sqlite3
 import struct
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +12,6 @@ from pyulog import ULog
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 
-from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS
 from ingest import written
 from ingest.written import ACCELERATION, IMU, RATE, ROS2, START, TEMPERATURE, VECTOR
@@ -41,18 +38,6 @@ def renamed(folder, log, kind):
     """A storage file alone, with a name that no address can have."""
     (inner,) = bag(folder, log, kind).glob(f"*.{kind}")
     return shutil.copy(inner, folder / f"run #3 100% a?b.{kind}")
-
-
-def older(folder, log):
-    """As ROS 2 wrote SQLite until Humble, without definitions."""
-    path = bag(folder, log) / "log.db3"
-    with sqlite3.connect(path) as base:
-        base.executescript(
-            "DROP TABLE schema; DROP TABLE metadata; DROP TABLE message_definitions;"
-            "ALTER TABLE topics DROP COLUMN type_description_hash;"
-        )
-    base.close()
-    return path
 
 
 def in_parts(folder, log):
@@ -152,7 +137,6 @@ MINE_2 = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
 READ = {
     "ros, a file": (partial(renamed, kind="db3"), {}, "/imu.linear_acceleration.x", ""),
     "ros, an MCAP file": (partial(renamed, kind="mcap"), {}, "/imu.linear_acceleration.x", ""),
-    "ros, older": (older, {}, "/imu.linear_acceleration.x", ""),
     "ros, parts": (in_parts, {}, "/imu.linear_acceleration.x", "the folder has no metadata.yaml"),
     "ros, a topic": (partial(bag, imu=False, **TOPICS),
                      {"acceleration": "/acc", "angular_rate": TWISTS}, "/acc.vector.x", ""),
@@ -215,13 +199,14 @@ def test_a_sensor_read_later_keeps_its_time(single, run, tmp_path):
 
 @pytest.mark.parametrize("pilot", ["px4", "ardupilot"])
 def test_increments_are_of_their_own_interval(single, run, tmp_path, pilot):
-    """Protects the division: the result is the float64 nearest to the quotient."""
+    """Protects the division, of exact products: the result is the float64 nearest to it."""
     rng, of = np.random.default_rng(3), [0, 0, 0, 1, 1, 1]
     if pilot == "px4":
         ticks, per_s = rng.integers(4000, 6000, (500, 2)).astype("u4"), 10**6
     else:
         ticks, per_s = rng.uniform(0.009, 0.011, (500, 2)).astype("f4"), 1
     increments = (single[SIX].to_numpy() * ticks[:, of] / per_s).astype("f4")
+    expected = increments.astype(float) * per_s / ticks[:, of]
     ticks[7, 1] = 0
     if pilot == "px4":
         fields = {"timestamp": STAMPS + np.uint64(90), "timestamp_sample": STAMPS}
@@ -234,12 +219,7 @@ def test_increments_are_of_their_own_interval(single, run, tmp_path, pilot):
         rows = zip(STAMPS, ticks, increments, strict=True)
         rows = [(t, 0, 0.01, *dt, *x[3:], *x[:3]) for t, dt, x in rows]
         done = run(dataflash(tmp_path, ("IMT", IMT, rows)))
-    expected = [
-        [float(Fraction(x) * per_s / Fraction(dt)) for x, dt in zip(*row, strict=True)]
-        for row in zip(increments.tolist(), ticks[:, of].tolist(), strict=True)
-        if all(row[1])
-    ]
-    np.testing.assert_array_equal(done.samples[SIX], expected)
+    np.testing.assert_array_equal(done.samples[SIX], np.delete(expected, 7, axis=0))
     assert done.quality["non_finite"] == 1
 
 
@@ -425,8 +405,6 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_log_of_a_vehicle_is_refused_in_one_line(single, run, tmp_path, name):
+def test_a_log_of_a_vehicle_is_refused_in_one_line(single, refused, tmp_path, name):
     write, columns, error, line = REFUSED[name]
-    with pytest.raises(ImuloopError if error else RejectedLog, match=line) as caught:
-        raise RejectedLog(*run(write(tmp_path, single), columns=columns).quality["reasons"])
-    assert "\n" not in str(caught.value)
+    refused(line, write(tmp_path, single), error=error, columns=columns)

@@ -94,14 +94,14 @@ def decimal_commas(log):
     return text(log.assign(t=stamps), sep=";", decimal=",")
 
 
-def gyroflow(log, force=1e-6, said=repr):
-    """Scales before the table, in ms, 1e-6 rad/s and g; rates first."""
-    columns = 1000 * log.t, log[RATE] / 1e-6, log[FORCE] / force
+def gyroflow(log, force=1e-6, said=repr, tick=1e-3, head="GYROFLOW"):
+    """Scales before the table, in ticks, 1e-6 rad/s and g; rates first. ms need none."""
+    columns = log.t / tick, log[RATE] / 1e-6, log[FORCE] / force
     rows = [",".join(f"{x:.0f}" for x in row) for row in np.column_stack(columns)]
-    head = ["GYROFLOW IMU LOG", "version,1.3", "tscale,0.001", "gscale,1e-6"]
-    return "\n".join(
-        [*head, f"ascale,{said(force / STANDARD_GRAVITY)}", "t,gx,gy,gz,ax,ay,az", *rows]
-    )
+    scales = ["gscale,1e-6", f"ascale,{said(force / STANDARD_GRAVITY)}"]
+    scales += [f"tscale,{tick}"] * (tick != 1e-3)
+    head = [f"{head} IMU LOG", "version,1.3", "orientation,YxZ", *scales]
+    return "\n".join([*head, "t,gx,gy,gz,ax,ay,az", *rows])
 
 
 def quoted(log, separator):

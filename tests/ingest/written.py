@@ -214,9 +214,11 @@ def timed(separator, decimal, *starts):
     return "\n".join([head, *(row.replace(".", decimal) for row in rows)]) + "\n"
 
 
-def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal="."):
+def phyphox(
+    log, kind=("Acceleration", "Gyroscope"), separator=",", decimal=".", write="{:.9E}".format
+):
     """Return name -> text as phyphox exports it: ten digits, an experiment's own names."""
-    layout = {"write": "{:.9E}".format, "separator": separator, "decimal": decimal}
+    layout = {"write": write, "separator": separator, "decimal": decimal}
     members = {"meta/time.csv": timed(separator, decimal, (0, 1.7e9))}
     for file, name, axes, unit in (
         ("Accelerometer", kind[0], ACCELERATION, "m/s^2"),
@@ -227,9 +229,9 @@ def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal=".")
     return members
 
 
-def sensor_logger(log, named, about=("android", "false")):
+def sensor_logger(log, named, about=("android", "false"), stamps=None):
     """Return name -> text as Sensor Logger exports it: `named` maps files to columns of the log."""
-    t = BEGUN + np.rint(log.t.to_numpy() * 1e9).astype(np.int64)
+    t = stamps or BEGUN + np.rint(log.t.to_numpy() * 1e9).astype(np.int64)
     members = {
         f"{file}.csv": table(
             ["time", "seconds_elapsed", "z", "y", "x"], [t, log.t, *(log[c] for c in columns[::-1])]

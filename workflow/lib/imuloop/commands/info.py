@@ -153,7 +153,7 @@ def log_lines(arguments):
         samples, quality = log_samples(path, arguments, Path(folder))
     rejected = quality.get("status") == "rejected"
     if samples != path:
-        first = f"{name_of(path)}: log, format {quality['log_format']}"
+        first = f"{name_of(path)}: log, format {quality['log_format'] or 'unknown'}"
         return [first, *quality_lines(quality)], rejected
     origin, table = read_metadata(path), Samples(path)
     first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"

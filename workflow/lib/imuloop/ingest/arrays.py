@@ -47,7 +47,7 @@ def read_parquet(paths, columns=None):
         used = list(dict.fromkeys(names[i] for i in chosen.raw().values()))
         # columns are read by name: of one that repeats all come, in the order of the file
         given = [i for name in used for i, other in enumerate(names) if other == name]
-        table = _whole(lambda: file.read(columns=used))
+        table = file.read(columns=used)
     held = [table.column(given.index(i)) for i in chosen.raw().values()]
     simulated = bool(said.get("simulated", False))
     return table_log(names, chosen, held, units=units, simulated=simulated)
@@ -56,21 +56,13 @@ def read_parquet(paths, columns=None):
 @reject_damage
 def read_feather(paths, columns=None):
     """Read a Feather file of version 2, which is an Arrow file."""
-    table = _whole(pa.ipc.open_file(paths["log"]).read_all)
+    table = pa.ipc.open_file(paths["log"]).read_all()
     # offsets of a damaged file may lead out of it
     table.validate(full=True)
     names = table.schema.names
     refuse_calibrated(names, {})
     chosen = resolve(names, columns)
     return table_log(names, chosen, [table.column(at) for at in chosen.raw().values()])
-
-
-def _whole(read):
-    """Return the table that is read; a damaged file may announce any size."""
-    try:
-        return read()
-    except pa.ArrowMemoryError as error:
-        raise RejectedLog(f"the table does not fit the memory ({error}): save it anew") from error
 
 
 # --- arrays of one or two dimensions, of any length

@@ -15,7 +15,7 @@ from imuloop.core.errors import plural
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest import misread, plausible
+from imuloop.ingest import plausible
 from imuloop.ingest.axes import mapping_words
 from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
@@ -194,10 +194,10 @@ _STILL = "a static session lies still: declare another kind, or crop it with tim
 CHECKS = [
     # what cannot be read
     Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
-    Check("gravity as rate", UNREADABLE, lambda e: misread.is_gravity(e.counts),
+    Check("gravity as rate", UNREADABLE, lambda e: e.counts.is_gravity,
           "the columns of the angular rate hold gravity: vectors of constant length along the "
           "acceleration", "name the gyroscope's own columns in columns.angular_rate, or give null"),
-    Check("two units", UNREADABLE, lambda e: misread.repeated(e.counts),
+    Check("two units", UNREADABLE, lambda e: e.counts.in_two_units,
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
     Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),

@@ -100,8 +100,8 @@ def resolve(names, declared=None, headed=True):
         else _only(quantity, found[quantity], names)
         for quantity in _QUANTITIES
     }
-    summed = {q: increment_name(q, names[chosen[q][0]]) for q in SENSORS if chosen[q] and headed}
-    summed = {quantity: name for quantity, name in summed.items() if name}
+    sensors = [q for q in SENSORS if chosen[q] and headed]
+    summed = {q: name for q in sensors if (name := increment_name(q, names[chosen[q][0]]))}
     units = {}
     for quantity, at in chosen.items() if headed else ():
         if at is not None:
@@ -221,21 +221,19 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
-    count = names.count(str(value)) if headed else 0
-    if isinstance(value, int) and not isinstance(value, bool):
-        if 0 <= value < len(names):
-            return value
-        fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
-    elif count == 1:
+    number, count = isinstance(value, int) and not isinstance(value, bool), names.count(str(value))
+    if number and 0 <= value < len(names):
+        return value
+    if headed and count == 1 and not number:
         return names.index(str(value))
-    elif count or not headed:
-        what = (
-            f"{count} columns are named '{value}'" if count else f"no header, so {value!r} cannot"
-        )
-        fault = f"{what}{'' if count else ' be found'}; name it by number, 0 to {len(names) - 1}"
-    else:
-        hint = did_you_mean(str(value), names, 0.5)
-        fault = f"no column '{value}'; there are {listed(names)}{hint}"
+    fault = f"no header, so {value!r} cannot be found; name it by number, 0 to {len(names) - 1}"
+    if number:
+        fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
+    elif headed and count:
+        fault = f"{count} columns are named '{value}'; name it by number, 0 to {len(names) - 1}"
+    elif headed:
+        fault = f"no column '{value}'; there are {listed(names)}"
+        fault += did_you_mean(str(value), names, 0.5)
     raise ImuloopError(f"{key}: {fault}")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.samples import ORIENTATION, POSITION
+from imuloop.core.units import DEGREE
 from imuloop.ingest.attitudes import angles, at_instants, turns
 
 # m in each unit of a position
@@ -17,7 +18,6 @@ FITS = 0.3
 ALONG = 0.95
 # to 10 % the two scales of a sensor and its reference may differ
 SCALE = 0.1
-DEGREE = 180 / np.pi
 # fewest samples by which a convention, or places, are judged
 _LEAST = 50
 
@@ -71,7 +71,7 @@ def convention_faults(reference, t, w, f, declared):
     elif -1 < axes < ALONG < found[best][3]:
         why = f"read as {declared} its axes of the world are not those of the places"
     elif abs(size - 1) > SCALE:
-        units = {DEGREE: "deg/s taken for rad/s", 1 / DEGREE: "rad/s for deg/s"}
+        units = {1 / DEGREE: "deg/s taken for rad/s", DEGREE: "rad/s for deg/s"}
         said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
         cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
         best, why = None, f"its turns are {size:.3g} times those of the gyroscope: {cause}"

@@ -1,6 +1,7 @@
 """From the rows of a log to samples: SI units, time from zero, faulty rows dropped and counted."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +18,7 @@ from imuloop.ingest.spellings import SENSORS
 BEYOND = 1e10
 
 
-def _of_channels():
-    return dict.fromkeys(CHANNELS, 0)
+_of_channels = partial(dict.fromkeys, CHANNELS, 0)
 
 
 @dataclass
@@ -26,10 +26,11 @@ class Counts:
     """What became of the rows of a log, each counted once, and why it cannot be used (`reasons`).
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `like_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
+    `is_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
     quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
     without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
-    1970, None without dates, `begin_s` how long it is after the log's first stamp, s.
+    1970, None without dates, `begin_s` how long it is after the log's first stamp, s, which is
+    `origin` as logged.
     """
 
     reasons: list = field(default_factory=list)
@@ -47,10 +48,11 @@ class Counts:
     spike_values: dict = field(default_factory=_of_channels)
     start_ns: int | None = None
     begin_s: float = 0.0
+    origin: float = 0.0
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
-    like_gravity: tuple = (0, 0)
-    in_two_units: dict = field(default_factory=dict)
+    is_gravity: bool = False
+    in_two_units: dict | None = None
     increments: dict | None = None
     pps: dict | None = None
     logged: dict | None = None
@@ -125,14 +127,14 @@ def si_samples(rows, timing, log, units, raw_units):
         impossible_values=impossible,
         time_unit=timing.time_unit,
         clock=timing.clock,
-        like_gravity=misread.like_gravity(rows.values),
-        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else {},
+        is_gravity=misread.is_gravity(rows.values),
+        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else None,
     )
     counts.increments = increments.figures(log, units, counts, timing)
     if not keep.any():
         return no_samples(log), counts
     zero, t = timing.x[keep][0].item(), timing.times(keep)
-    counts.begin_s = float((zero - timing.origin) * timing.scale)
+    counts.origin, counts.begin_s = timing.origin, float((zero - timing.origin) * timing.scale)
     counts.start_ns = timing.moment(zero)
     samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
     if timing.even:

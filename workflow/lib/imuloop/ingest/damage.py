@@ -6,6 +6,8 @@ What ends the process, such as a lack of memory, ends that job alone.
 import functools
 from pathlib import Path
 
+import pyarrow as pa
+
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
 # no log packs better than this
@@ -38,6 +40,10 @@ def reject_damage(read):
         path = Path(paths["log"])
         try:
             return read(paths, columns)
+        except pa.ArrowMemoryError as error:
+            # a damaged file may announce any size
+            why = f"the table does not fit the memory ({error}): save it anew"
+            raise RejectedLog(why) from error
         except (ImuloopError, MemoryError):
             raise
         except ImportError as error:

@@ -7,9 +7,8 @@ import numpy as np
 from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import Stream, names_in, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log
 
-_UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 # at the rate of the main loop; as sampled; increments. Older logs number the sensor.
 _INERTIAL = re.compile(r"(IMU|ACC|GYR|IMT)\d?")
 # stamps to microseconds; a sample's own goes first
@@ -155,9 +154,9 @@ def _streams(name, fields):
             dt = np.where(fields[interval] > 0, fields[interval], np.nan).astype(float)
             fields |= {usual: fields[each] / dt for usual, each in names.items()}
     if "I" not in fields:
-        return [Stream(name, stamps, fields, _UNITS)]
+        return [Stream(name, stamps, fields, AUTOPILOT)]
     here = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
     return [
-        Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, _UNITS)
+        Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, AUTOPILOT)
         for each, rows in here.items()
     ]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
 from imuloop.ingest import arrays, dataflash, delimited, json_lines, phone, ros, tables, ulog
-from imuloop.ingest.text_layout import NO_LOGS
+from imuloop.ingest.text_layout import SPREADSHEET
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
@@ -56,7 +56,12 @@ SIGNATURES = {start: name for name, form in FORMATS.items() for start in form.st
 # an archive of NumPy: the name of its first file, behind the 30 bytes of a zip
 _FIRST_ARRAY = re.compile(rb"(?s).{30}[^/\0-\x1f]*\.npy")
 # how files begin that are logs of no format, and what to do about them
-_NO_LOGS = NO_LOGS | {
+_NO_LOGS = {
+    b"\xd0\xcf\x11\xe0": SPREADSHEET,
+    b"version https://git-lfs.github.com/": (
+        "the file is a pointer of Git LFS, not the log that it stands for: fetch that with git lfs "
+        "pull"
+    ),
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
@@ -67,10 +72,12 @@ _HEAD = 1 << 14
 def find_format(name, paths):
     """Return the name of a format and the LogFormat: that declared, else that its files show.
 
-    An ImuloopError where the name is unknown, or the files show none or are not the format's.
+    An ImuloopError where the name is unknown, or the files show none or are not the format's; a
+    RejectedLog where a file is of no format.
     """
-    cause = next(filter(None, map(no_log, paths.values())), None)
-    name = name or ("csv" if cause else guess_format(paths))
+    if cause := next(filter(None, map(no_log, paths.values())), None):
+        raise RejectedLog(cause)
+    name = name or guess_format(paths)
     if name not in FORMATS:
         hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
@@ -84,17 +91,13 @@ def find_format(name, paths):
         form = replace(form, read=partial(tables.read_pair, form.read))
     if not form.folder and (folders := [path for path in paths.values() if Path(path).is_dir()]):
         raise ImuloopError(f"{folders[0]} is a folder, not a file")
-    return name, replace(form, read=partial(_reject, cause)) if cause else form
+    return name, form
 
 
 def no_log(path):
     """Return why a file that begins like this is a log of no format, or None."""
     head = _head(path)
     return next((why for start, why in _NO_LOGS.items() if head.startswith(start)), None)
-
-
-def _reject(cause, *given, **options):
-    raise RejectedLog(cause)
 
 
 def guess_format(paths):

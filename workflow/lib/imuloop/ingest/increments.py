@@ -22,11 +22,6 @@ def by_stamps(log, units):
     return bool(factors(units)) and "time" in log.found and "interval" not in log.found
 
 
-def usual_step(t):
-    """Return the median step of samples at `t`, s; None of fewer than two."""
-    return np.median(np.diff(t)).item() if len(t) > 1 else None
-
-
 # stamps and values of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def rates(rows, steps, units):

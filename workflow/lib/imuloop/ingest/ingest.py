@@ -158,9 +158,9 @@ def read(paths, declared):
     own = {role: path for role, path in files.items() if role not in ("pps", "reference")}
     in_log = declared.pps and "pps" not in files
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
-    log_format, form = find_format(declared.format, own)
-    log, absent, fault = RawLog(), None, None
+    log_format, log, absent, fault = declared.format, RawLog(), None, None
     try:
+        log_format, form = find_format(declared.format, own)
         log = form.read(own, columns or None)
         absent = absent_sensor(log, columns)
     except RejectedLog as error:
@@ -232,9 +232,7 @@ def check(reading, samples, counts, declared, kind):
     figures, in_ms = measured(), None
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
-        stamped = samples.get(LOGGED_TIME, samples[TIME])
-        points = np.column_stack([stamped, stamped])
-        in_ms = milliseconds(samples, figures, points, rate)
+        in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
     bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
     dropped, at = figures.pop("isolated")
     if len(dropped):
@@ -269,9 +267,9 @@ def check(reading, samples, counts, declared, kind):
     known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
     origin |= {name: found for name, found in known.items() if found}
     if declared.reference and not (reasons or wrong):
-        files = reading.files.get("reference", reading.files.get("log")), reading.files.get("log")
         own = declared.of_log() | {"units": units}
-        columns, beside, wrong = reference.beside(samples, *files, declared.reference, own, counts)
+        how = reading.files, declared.reference, own, counts
+        columns, beside, wrong = reference.beside(samples, *how)
         origin["reference"] = beside
         samples |= columns
     lines = reading.doubts + pps.warnings(counts.pps)

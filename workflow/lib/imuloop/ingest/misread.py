@@ -35,8 +35,8 @@ def _lengths_and_cosine(one, other):
 
 # values of a broken log can be of any size
 @np.errstate(all="ignore")
-def like_gravity(raw):
-    """Return in how many rows the rate is gravity's vector, and how many rows were looked at.
+def is_gravity(raw):
+    """Return whether the angular rate of most rows is gravity's vector.
 
     `raw` are the values of each channel as logged, (n,).
     """
@@ -44,15 +44,15 @@ def like_gravity(raw):
     force, rate = (np.array([raw[axis][::8] for axis in axes]) for axes in SENSORS.values())
     _, length, cosine = _lengths_and_cosine(force, rate)
     near = np.minimum(np.abs(length - 1), np.abs(length / STANDARD_GRAVITY - 1)) < _NEAR
-    return np.array([np.count_nonzero(near & (np.abs(cosine) > _PARALLEL)), len(length)])
+    return np.count_nonzero(near & (np.abs(cosine) > _PARALLEL)) > _SHARE * len(length)
 
 
 @np.errstate(all="ignore")
 def in_two_units(x, raw):
-    """Return (sensor, unit, other unit) -> rows that repeat the one before in the other unit.
+    """Return the sensor, units and number of rows that repeat the one before in another unit.
 
     Such rows have its stamp, `x`, (n,); of the other sensor they repeat the values, or these in
-    another unit too.
+    another unit too. None if they are few.
     """
     at = np.flatnonzero(x[1:] == x[:-1]) + 1
     fits, repeats = {}, len(at) > 0
@@ -67,19 +67,7 @@ def in_two_units(x, raw):
                 scaled |= fits[sensor, *units]
         repeats &= scaled
     rows = {key: np.count_nonzero(each & repeats) for key, each in fits.items()}
-    return {key: count for key, count in rows.items() if count}
-
-
-def is_gravity(counts):
-    """Return whether the angular rate of a log is gravity, by its `Counts`."""
-    alike, looked_at = counts.like_gravity
-    return alike > _SHARE * looked_at
-
-
-def repeated(counts):
-    """Return sensor, units and rows where a log holds each sample in two units, by its `Counts`."""
-    found = max(counts.in_two_units, key=counts.in_two_units.get, default=None)
-    if not found or counts.in_two_units[found] <= _REPEATED * counts.read:
+    found = max(rows, key=rows.get, default=None)
+    if not found or rows[found] <= _REPEATED * len(x):
         return None
-    names = ("sensor", "unit", "other", "n")
-    return dict(zip(names, (*found, counts.in_two_units[found]), strict=True))
+    return dict(zip(("sensor", "unit", "other", "n"), (*found, rows[found]), strict=True))

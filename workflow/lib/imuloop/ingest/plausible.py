@@ -38,11 +38,11 @@ MOST_RATE, EACH_SECOND = 1e4, 0.7
 _UNITS = {"acceleration": ACCELERATION_UNITS, "angular_rate": ANGULAR_RATE_UNITS}
 
 
-def milliseconds(columns, figures, points, rate=None):
+def milliseconds(columns, figures, stamps, rate=None):
     """Return why stamps that are taken as seconds are milliseconds; None if they may be seconds.
 
-    Takes columns of samples and their quality figures, `points` of row number and time, s, and the
-    declared rate, Hz.
+    Takes columns of samples, their quality figures, their times as stamped, s, and the declared
+    rate, Hz.
     """
     taken, factor, why = figures["rate_hz"], 1 / TIME_UNITS["ms"], None
     if not figures["faults"] or not taken or taken * factor > MOST_RATE:
@@ -57,7 +57,7 @@ def milliseconds(columns, figures, points, rate=None):
     # between the ratio that a sound log has and that of deg/s taken as rad/s
     elif error and 0.2 < ratio < 100:
         why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
-    elif taken < EACH_SECOND and np.allclose(points[:, 1], np.rint(points[:, 1]), 0, 1e-6):
+    elif taken < EACH_SECOND and np.allclose(stamps, np.rint(stamps), 0, 1e-6):
         why = f"they are whole, and {taken:.3g} Hz is unusual for an IMU"
     remedy = "declare units.time: ms, or s if they are"
     return why and f"the stamps look like milliseconds: {why}; {remedy}"

@@ -25,7 +25,7 @@ LEAP, TIMES = 0.02, 8.0
 SWAPPED, BLOCK = 0.2, 2.0
 
 
-def beside(samples, file, log_file, declared, session, counts):
+def beside(samples, files, declared, session, counts):
     """Return a reference at the samples' instants; its figures; and why it cannot be used, if so.
 
     It has the columns `ORIENTATION` (body to world) and `POSITION`, not-a-number where the
@@ -35,17 +35,18 @@ def beside(samples, file, log_file, declared, session, counts):
     ----------
     samples : dict
         Columns of the session's samples.
-    file, log_file : path-like
-        File of the reference, which may be the log, and of the log.
+    files : dict
+        Path of each file by its role; without ``reference`` it is the log that holds it.
     declared, session : dict
         What the config says of the reference and of the log: ``format``, ``columns``, ``units``,
         ``convention``, ``rate``.
     counts : Counts
-        When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``.
+        When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``; and the first
+        stamp, ``origin``.
     """
     t = samples[TIME]
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
-    raw, figures = _read(file, log_file, declared, session, counts)
+    raw, figures = _read(files, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
     figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
@@ -82,9 +83,10 @@ def read_series(path, log_format, columns):
     return stamps, np.array(values, dtype=float).T
 
 
-def _read(file, log_file, declared, session, counts):
+def _read(files, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
-    units, same = declared.get("units") or {}, str(file) == str(log_file)
+    file = files.get("reference", files.get("log"))
+    units, same = declared.get("units") or {}, str(file) == str(files.get("log"))
     own_time = (session.get("columns") or {}).get("time")
     own_unit = (session.get("units") or {}).get("time", "s")
     columns = {"time": own_time if same else None} | declared["columns"]
@@ -100,8 +102,7 @@ def _read(file, log_file, declared, session, counts):
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
             # stamps of one clock begin where the log's do
-            of_log, _ = read_series(log_file, session.get("format"), {"time": own_time})
-            _, start, _ = _seconds(of_log, own_unit)
+            start = counts.origin * float(NANOSECONDS.get(own_unit, 1)) / 1e9
     elif rate:
         t, start = np.arange(len(values)) / rate, 0.0
     else:

@@ -12,6 +12,9 @@ from imuloop.ingest.join import join
 from imuloop.ingest.spellings import SENSORS, guess
 from imuloop.ingest.tables import table_log
 
+# units of autopilots
+AUTOPILOT = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
+
 
 @dataclass(frozen=True)
 class Stream:

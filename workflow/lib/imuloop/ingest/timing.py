@@ -145,8 +145,8 @@ def find_timing(rows, log, units, declared, marks_file=None):
             how = {"even": even, "packets": packets, "logged": t, "repeats": repeats}
             timing = replace(timing, x=x, **how)
     if by_stamps:
-        usual = increments.usual_step(timing.times(in_order(timing)))
-        timing = replace(timing, usual=usual)
+        t = timing.times(in_order(timing))
+        timing = replace(timing, usual=np.median(np.diff(t)).item() if len(t) > 1 else None)
     return timing
 
 

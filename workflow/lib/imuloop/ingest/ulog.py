@@ -7,9 +7,8 @@ import numpy as np
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import Stream, names_in, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log
 
-_UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 # topic of PX4 to the fields of each sensor, by number or name of the axis; from `_CORRECTED` PX4
 # has removed its own calibration
 _TOPICS = {
@@ -129,16 +128,16 @@ def _streams(topic):
         fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
     relative = fields.get("accelerometer_timestamp_relative")
     if relative is None or "acceleration.x" not in fields:
-        return [Stream(name, stamps, fields, _UNITS)]
+        return [Stream(name, stamps, fields, AUTOPILOT)]
     missing = relative == _NO_ACCELERATION
     force = {f"acceleration.{a}": fields.pop(f"acceleration.{a}") for a in AXES}
     force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
     later = np.where(missing, 0, relative.astype(np.int64))
     if not later.any():
-        return [Stream(name, stamps, fields | force, _UNITS)]
+        return [Stream(name, stamps, fields | force, AUTOPILOT)]
     # the two sensors were sampled at different times
-    force = Stream(f"{name}.accelerometer", stamps + later, force, _UNITS)
-    return [Stream(name, stamps, fields, _UNITS), force]
+    force = Stream(f"{name}.accelerometer", stamps + later, force, AUTOPILOT)
+    return [Stream(name, stamps, fields, AUTOPILOT), force]
 
 
 def _unpacked(stamps, fields):
