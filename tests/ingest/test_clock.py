@@ -5,9 +5,10 @@ import pandas as pd
 import pytest
 
 from imuloop.core.samples import CHANNELS, Samples
+from imuloop.core.units import DEGREE
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from ingest.logs import brief, example_truth, simulated
+from ingest.logs import RATE, brief, example_truth, poses, simulated
 
 SIX = [*CHANNELS]
 

@@ -55,13 +55,18 @@ def refuse_overwriting(targets, sources):
 
 def _files_at(path):
     """Return the files at a path, and in it if it is a folder, a dict by device and inode."""
-    files = {}
-    inside = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
-    for file in (Path(path), *inside):
+    files, folders, waiting = {}, set(), [Path(path)]
+    for place in waiting:
         # a file that does not exist, or may not be accessed, cannot be an input
         with suppress(OSError):
-            state = file.stat()
-            files[state.st_dev, state.st_ino] = file
+            state = place.stat()
+            key = state.st_dev, state.st_ino
+            if not place.is_dir():
+                files[key] = place
+            elif key not in folders:
+                # a link may lead back up
+                folders.add(key)
+                waiting += place.iterdir()
     return files
 
 
