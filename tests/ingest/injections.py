@@ -26,7 +26,7 @@ from imuloop.core.units import DEGREE
 # fmt: off
 from ingest.harm import (
     about_x, added, after, at, changed_amid, clipped, clipped_share, copied, counter, deadened,
-    distorted, every, first, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
+    distorted, every, fading, first, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
     in_packets, late, later, lost, lost_each, nothing, on_grid, put, reached, rounded,
     sampled_unevenly, scaled, scattered, sixteen_bits, spikes, stamps, summed,
     turned, turned_in_a_gap, twice, unpadded, without, wrapped, written_twice,
@@ -160,6 +160,9 @@ VALUES = [
                "has gravity been taken out"), rejected=True),
     Injection("turns that are clipped", "poses", clipped(RATE, -0.5, 0.5), ("clipped at",),
               figures={"faults.failed_reads": lambda found: not any(found.values())}),
+    Injection("turns that are clipped, in values without steps", "poses", after(fading(RATE),
+              clipped(RATE, -0.5, 0.5)), None, drops=None,
+              figures={"faults.clipped_at.gx.rows": lambda rows: rows > 100}),
     *[Injection(f"a flat top of {rows} rows, values held for {count}", "poses",
                 flat_top(rows, count), None, figures={"faults.clipped_at.gx.rows": found})
       for rows, count, found in ((5, 1, 5), (1, 1, 0), (5, 3, 0))],
@@ -230,7 +233,10 @@ VALUES = [
     Injection("too few rows", "brief", first(99),
               ("99 usable rows, at least 100 needed",), rejected=True),
     Injection("too short", "brief", first(150),
-              ("the log lasts 1.49 s, at least 2 s needed",), rejected=True),
+              ("the log lasts 1.49 s, at least 2 s needed.",), rejected=True),
+    Injection("seconds that are declared as ms", "brief", nothing(), ("the log lasts 0.00499 s, at "
+              "least 2 s needed: the stamps look like s or min; declare units.time: s",),
+              rejected=True, declared={"units": {"time": "ms"}}),
     Injection("few blocks of white noise", lambda: brief(1100), scaled("t", 100 / 350),
               declared=STATIC),
     Injection("steps of the gyroscope and a gap", "brief", after(rounded(["gx"], 0.00106),

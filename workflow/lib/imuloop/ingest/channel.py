@@ -111,9 +111,9 @@ def saturation(channels, rate):
     for name, c in channels.items():
         width = c.step or np.finfo(float).tiny
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
-            near = c.x[(c.x > value - 1.5 * width) & (c.x < value + 1.5 * width)]
-            rows = np.count_nonzero(np.abs(near - value) < 0.5 * width)
-            beside = len(near) - rows
+            away = np.abs(c.x - value)
+            rows = np.count_nonzero(away < 0.5 * width)
+            beside = np.count_nonzero(away < 1.5 * width) - rows
             here = [length for start, length in c.stuck if c.x[start] == value]
             flat = np.count_nonzero(c.tops == value)
             flat += rows > 1 and round(abs(value) / width) in RAILS
