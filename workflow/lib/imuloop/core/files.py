@@ -54,13 +54,18 @@ def refuse_overwriting(targets, sources):
 
 def _files_at(path):
     """Return the files at a path, and in it if it is a folder, a dict by device and inode."""
-    files = {}
-    inside = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
-    for each in (Path(path), *inside):
+    files, folders, waiting = {}, set(), [Path(path)]
+    for each in waiting:
         # a file that does not exist, or may not be accessed, cannot be an input
         with suppress(OSError):
             state = each.stat()
-            files[state.st_dev, state.st_ino] = each
+            key = state.st_dev, state.st_ino
+            if not each.is_dir():
+                files[key] = each
+            elif key not in folders:
+                # a link may lead back up
+                folders.add(key)
+                waiting += each.iterdir()
     return files
 
 
