@@ -232,7 +232,8 @@ CHECKS = [
     # what is not as declared: faults and gravity are known
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
           "overflow force rate gap rest"),
-    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN, "overflow"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
+          "overflow jump"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
           "force rate gap"),
@@ -241,7 +242,7 @@ CHECKS = [
           "turned while nothing was logged, and this turn is left out", about="gap"),
     Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
           "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
-          "logs were joined", "crop it with time_range", "force"),
+          "logs were joined", "crop it with time_range", "force jump"),
     Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
     Check("size of force", DOUBTFUL, plausible.size_of_force,
           "{}see units.acceleration and nominal.acceleration", about="force"),
