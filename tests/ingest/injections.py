@@ -26,8 +26,8 @@ from imuloop.core.units import DEGREE
 # fmt: off
 from ingest.harm import (
     about_x, added, after, at, changed_amid, clipped, clipped_share, copied, counter, deadened,
-    distorted, every, fading, first, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
-    in_packets, late, later, lost, lost_each, nothing, on_grid, put, reached, rounded,
+    distorted, every, fading, first, flat_top, gravity_as_rate, held, held_back, in_bursts,
+    in_counts, in_packets, late, later, lost, lost_each, nothing, on_grid, put, reached, rounded,
     sampled_unevenly, scaled, scattered, sixteen_bits, spikes, stamps, summed,
     turned, turned_in_a_gap, twice, unpadded, without, wrapped, written_twice,
 )
@@ -161,9 +161,10 @@ VALUES = [
                "has gravity been taken out"), rejected=True),
     Injection("turns that are clipped", "poses", clipped(RATE, -0.5, 0.5), ("clipped at",),
               figures={"faults.failed_reads": lambda found: not any(found.values())}),
-    Injection("turns that are clipped, in values without steps", "poses", after(fading(RATE),
-              clipped(RATE, -0.5, 0.5)), None, drops=None,
-              figures={"faults.clipped_at.gx.rows": lambda rows: rows > 100}),
+    *[Injection(f"{name} clipped, in values without steps", "poses", after(fading(names),
+                clipped(names, -end, end)), None, drops=None,
+                figures={f"faults.clipped_at.{name}.rows": lambda rows: rows > 100})
+      for name, names, end in (("gx", RATE, 0.5), ("az", FORCE, 9.0))],
     Injection("turns that are clipped, one of them for 1.5 s at one end", "poses",
               after(clipped(RATE, -0.5, 0.5), clipped(["gy"], -0.5, 0.45),
               put(["gy"], 0.5, 0.5, 150)), None,

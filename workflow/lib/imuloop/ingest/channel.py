@@ -117,7 +117,7 @@ def saturation(channels, rate):
             beside = np.count_nonzero(away < 1.5 * width) - rows
             here = [length for start, length in c.stuck if c.x[start] == value]
             flat = np.count_nonzero(c.tops == value)
-            flat += rows > 1 and round(abs(value) / width) in RAILS
+            flat += rows > 1 and c.step > 0 and round(abs(value) / c.step) in RAILS
             lone = len(here) == 1 and here[0] >= max(rate, MOST * rows)
             if c.is_fine or flat:
                 ends.append((name, value, rows, beside, flat, width, lone))
