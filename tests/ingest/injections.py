@@ -26,7 +26,7 @@ from imuloop.core.units import DEGREE
 # fmt: off
 from ingest.harm import (
     about_x, added, after, at, changed_amid, clipped, clipped_share, counter,
-    distorted, every, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
+    distorted, every, fading, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
     in_packets, late, later, lost, nothing, on_grid, put, reached, rounded,
     sampled_unevenly, scaled, scattered, sixteen_bits, spikes, stamps, summed,
     turned, turned_in_a_gap, twice, unpadded, wrapped, written_twice,
@@ -155,12 +155,22 @@ VALUES = [
           "has gravity been taken out"),
     *both("a rate that no hand makes", scaled(RATE, 1e4), "too much for a turn by hand"),
     *both("a gap", later((2000, 0.7)), "1 gap, 0.71 s together"),
+    *both("a gap of an hour", later((2000, 3600)), "1 gap, 3600 s together"),
     *[Injection(f"nothing at all, {log}", log) for log in LOGS],
     Injection("a force that never changes", "rest", put(FORCE, 0.5),
               ("the acceleration never changes", "never changing: ax, ay, az",
                "has gravity been taken out"), rejected=True),
     Injection("turns that are clipped", "poses", clipped(RATE, -0.5, 0.5), ("clipped at",),
               figures={"faults.failed_reads": lambda found: not any(found.values())}),
+    *[Injection(f"{name} clipped, in values without steps", "poses", after(fading(names),
+                clipped(names, -end, end)), None, drops=None,
+                figures={f"faults.clipped_at.{name}.rows": lambda rows: rows > 100})
+      for name, names, end in (("gx", RATE, 0.5), ("az", FORCE, 9.0))],
+    Injection("turns that are clipped, one of them for 1.5 s at one end", "poses",
+              after(clipped(RATE, -0.5, 0.5), clipped(["gy"], -0.5, 0.45),
+              put(["gy"], 0.5, 0.5, 150)), None,
+              drops=None, figures={"faults.stuck.gy.rows": 0,
+                                   "faults.clipped_at.gy.values": [-0.5, 0.5]}),
     *[Injection(f"a flat top of {rows} rows, values held for {count}", "poses",
                 flat_top(rows, count), None, figures={"faults.clipped_at.gx.rows": found})
       for rows, count, found in ((5, 1, 5), (1, 1, 0), (5, 3, 0))],
@@ -231,7 +241,10 @@ VALUES = [
     Injection("too few rows", "brief", lambda log: log[:99],
               ("99 usable rows, at least 100 needed",), rejected=True),
     Injection("too short", "brief", lambda log: log[:150],
-              ("the log lasts 1.49 s, at least 2 s needed",), rejected=True),
+              ("the log lasts 1.49 s, at least 2 s needed.",), rejected=True),
+    Injection("seconds that are declared as ms", "brief", nothing(), ("the log lasts 0.00499 s, at "
+              "least 2 s needed: the stamps look like s or min; declare units.time: s",),
+              rejected=True, declared={"units": {"time": "ms"}}),
     Injection("few blocks of white noise", lambda: brief(1100), scaled("t", 100 / 350),
               declared=STATIC),
     Injection("steps of the gyroscope and a gap", "brief", after(rounded(["gx"], 0.00106),

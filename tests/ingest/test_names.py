@@ -55,6 +55,8 @@ UTC_Hour,UTC_Minute,sampleTimeMillis,timestamp_ms,a*,g* | 3 4 7 - | t ms
 Time (s),Gyroscope & (deg/s),Accelerometer & (g),Magnetometer & (uT) | 0 4 1 - | t s, a g, w deg/s
 PacketCounter,SampleTimeFine,Acc_&,FreeAcc_&,Gyr_&,Mag_& | 1 2 8 - |
 rtcDate,rtcTime,a&,g&,m&,imu_degC,output_Hz | 1 2 5 11 | T degC
+timeITOW,time,*Accel,*Rate,*Mag,temp | 1 2 5 11 |
+time (s),*Accel (m/s/s),*Rate (deg/s) | 0 1 4 - | t s, a m/s^2, w deg/s
 loopIteration,time (us),axisP[#],gyroADC[#],accSmooth[#] | 1 8 5 - | t us
 cts,date,Accelerometer (*) [m/s²],Gyroscope (*) [rad/s] | 1 2 5 - | a m/s^2, w rad/s
 ACCELEROMETER & (g),LINEAR ACCELERATION &,GYROSCOPE &,Time since start in ms | 9 0 6 - | t ms, a g

@@ -21,8 +21,8 @@ from imuloop.core.samples import ANGULAR_RATE
 TURN_WINDOW, KEPT = 0.25, 4096
 # a step turns gravity by so much at least, rad; its force is gravity's within this share
 LEAST_STEP, MOST_SHAKEN = 0.1, 0.3
-# steps in which a mapping has to beat the identity, also for each that says otherwise
-LEAST_STEPS = 3
+# steps in which a mapping has to beat the identity, and how many for each that says otherwise
+LEAST_STEPS, STEPS_AGAINST = 3, 4
 # agreement that a mapping needs, and the lead that leaves another one possible
 AGREEMENT, LEAD = 0.8, 0.05
 # signed permutations, the identity first
@@ -75,7 +75,7 @@ def fit_axes(means, step):
     possible = agreement > agreement[best] - LEAD
     sure = agreement[best] > AGREEMENT and not possible[0]
     mapping = None
-    if sure and favour >= LEAST_STEPS * max(against, 1):
+    if sure and favour >= max(LEAST_STEPS, STEPS_AGAINST * against):
         same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
         mapping = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
     return {

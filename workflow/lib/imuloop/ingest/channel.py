@@ -105,22 +105,24 @@ def saturation(channels, rate):
 
     An end is saturated if many rows are there and few at the levels beside it, or if it is reached
     in flat tops, which no smooth motion has. Ends of equal size are one end, as each axis may reach
-    it for a few rows only. A single run of a second or more is a stuck value. `rate` is in Hz.
+    it for a few rows only. A single run of a second or more is a stuck value, unless other ends of
+    this size are saturated. `rate` is in Hz.
     """
     ends, found = [], {name: {"values": [], "rows": 0} for name in channels}
     for name, c in channels.items():
         width = c.step or np.finfo(float).tiny
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
-            near = c.x[(c.x > value - 1.5 * width) & (c.x < value + 1.5 * width)]
-            rows = np.count_nonzero(np.abs(near - value) < 0.5 * width)
-            beside = len(near) - rows
+            away = np.abs(c.x - value)
+            rows = np.count_nonzero(away < 0.5 * width)
+            beside = np.count_nonzero(away < 1.5 * width) - rows
             here = [length for start, length in c.stuck if c.x[start] == value]
             flat = np.count_nonzero(c.tops == value)
-            flat += rows > 1 and round(abs(value) / width) in RAILS
-            if (c.is_fine or flat) and not (len(here) == 1 and here[0] >= max(rate, MOST * rows)):
-                ends.append((name, value, rows, beside, flat, width))
-    for name, value, rows, *_, width in ends:
-        same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width]
+            flat += rows > 1 and c.step > 0 and round(abs(value) / c.step) in RAILS
+            lone = len(here) == 1 and here[0] >= max(rate, MOST * rows)
+            if c.is_fine or flat:
+                ends.append((name, value, rows, beside, flat, width, lone))
+    for name, value, rows, *_, width, _ in ends:
+        same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width and not e[6]]
         total, beside, flat = (sum(e[k] for e in same) for k in (2, 3, 4))
         if flat or total**2 > CUT_TAIL * max(beside, 1):
             found[name]["values"].append(value)

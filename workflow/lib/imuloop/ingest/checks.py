@@ -31,7 +31,7 @@ LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
-PLAUSIBLE_RATE = (0.05, 1e5)
+PLAUSIBLE_RATE, USUAL_RATE = (0.05, 1e5), 1e4
 # what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
 PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
 # on average no sensor at rest shows more, and no hand turns faster, rad/s
@@ -117,14 +117,23 @@ def _lost_text(e):
 
 def _rate(e):
     """Return which units of the stamps would make an impossible rate plausible, in words."""
-    rate, unit, (low, high) = e.figures["rate_hz"], e.counts.time_unit, PLAUSIBLE_RATE
+    rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
     if e.figures["rows"] < LEAST_ROWS or low <= (rate or low) <= high:
         return None
-    steps = rate * TIME_SCALES.get(unit, 0.0)
-    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
-    if not fits:
-        return "."
-    return f": the stamps look like {' or '.join(fits)}; declare units.time: {fits[0]}"
+    return _units_that_fit(e) or "."
+
+
+def _short(e):
+    """Return which units of the stamps would make a short log a longer one, in words, or a dot."""
+    unlikely = e.figures["rate_hz"] > USUAL_RATE and _units_that_fit(e)
+    return e.figures["duration_s"] < LEAST_DURATION and (unlikely or ".")
+
+
+def _units_that_fit(e):
+    """Return which units of the stamps would make the rate a usual one, in words."""
+    steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
+    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= USUAL_RATE]
+    return fits and f": the stamps look like {' or '.join(fits)}; declare units.time: {fits[0]}"
 
 
 def _in_turn(e):
@@ -167,7 +176,7 @@ def _moves(rests):
 def _fast(e):
     mean, most = e.figures["mean_angular_rate"], PLAUSIBLE_MEAN_RATE
     degrees = e.units["angular_rate"].name == "rad/s" and mean * DEGREE < most
-    what = f"{'turn by hand' if mean > most else 'bias'}{': is it deg/s?' if degrees else ''}"
+    what = f"{'turn by hand' if mean > most else 'bias'}{', perhaps deg/s' if degrees else ''}"
     return mean > (PLAUSIBLE_REST if e.kind == "static" else most) and what
 
 
@@ -214,17 +223,17 @@ CHECKS = [
           "no row", _LOST, "rows"),
     Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
           f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
-    Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION,
-          f"the log lasts {{duration_s:.3g}} s, at least {LEAST_DURATION:g} s needed",
-          about="length"),
+    Check("short log", UNUSABLE, _short, "the log lasts {duration_s:.3g} s, at least "
+          f"{LEAST_DURATION:g} s needed{{}}", about="length"),
     Check("dead accelerometer", UNUSABLE, lambda e: {*ACCELERATION} <= {*e.figures["constant"]},
           "the acceleration never changes: the sensor was not read"),
     Check("unresolved change", UNUSABLE, _unresolved, "{} in the whole log, which no sensor "
-          "resolves", "see units and nominal"),
+          "resolves", "see units.acceleration and units.angular_rate"),
     # what is not as declared: faults and gravity are known
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
           "overflow force rate gap rest"),
-    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN, "overflow"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
+          "overflow jump"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
           "force rate gap"),
@@ -233,10 +242,10 @@ CHECKS = [
           "turned while nothing was logged, and this turn is left out", about="gap"),
     Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
           "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
-          "logs were joined", "crop it with time_range", "force"),
+          "logs were joined", "crop it with time_range", "force jump"),
     Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
-    Check("size of force", DOUBTFUL, plausible.size_of_force, "{}",
-          "see units.acceleration and nominal.acceleration", "force"),
+    Check("size of force", DOUBTFUL, plausible.size_of_force,
+          "{}see units.acceleration and nominal.acceleration", about="force"),
     Check("unit of rate", MISDECLARED, plausible.unit_of_rate, "{}",
           "or the log's rate is off by as much", "rate"),
     Check("size of rate", DOUBTFUL, _fast, "the mean angular rate is {mean_angular_rate:.4g} "
@@ -264,7 +273,8 @@ CHECKS = [
     Check("spikes", WARNING, lambda e: listed(e.counts.spike_values),
           "rows dropped for a spike that no body makes: {}", "check the wiring and the logger"),
     Check("impossible values", WARNING, lambda e: listed(e.counts.impossible_values),
-          f"missing, as beyond ± {BEYOND:g} in SI, which no sensor gives: {{}}", "see units"),
+          f"missing, as beyond ± {BEYOND:g} in SI, which no sensor gives: {{}}",
+          "see units.acceleration and units.angular_rate"),
     Check("missing temperatures", WARNING, lambda e: e.counts.missing_values.get(TEMPERATURE),
           "{} temperatures are missing"),
     Check("zeros", WARNING, lambda e: listed(e.faults["zero_rows"], "{} in {} rows"),
@@ -279,9 +289,10 @@ CHECKS = [
           f"{_SLOWER}, and declare full_scale"),
     Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
-          "{}: see columns"),
+          "{}: see columns.acceleration and columns.angular_rate"),
     Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
-          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K", "see units", "warmth"),
+          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
+          "see units.temperature", "warmth"),
     Check("constant temperature", WARNING, lambda e: TEMPERATURE in e.figures["constant"] and
           e.figures["duration_s"] >= CONSTANT_TEMPERATURE, "temperature is "
           "{range[temperature][0]:.5g} degC throughout: not read, or too coarse", about="warmth"),

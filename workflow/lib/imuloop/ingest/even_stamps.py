@@ -256,7 +256,8 @@ def _transfers(rows, t):
     for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(np.diff(t) >= BURST * mean))):
         size = np.diff(rows[starts])
         usual = int(np.median(size)) if len(size) else 1
-        if usual > 1 and np.mean(size == usual) >= _MOST:
+        # a few parts between long gaps are none
+        if usual > 1 and len(size) >= _LEAST and np.mean(size == usual) >= _MOST:
             # the first and the last one may be incomplete
             return usual, rows[starts][1:-1], t[starts][1:-1]
     return 1, rows, t

@@ -30,6 +30,9 @@ _KEY = re.compile(
     r"|(rate)(?= in Hz|: \d))"
     rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
+# a key by itself that is none of those, and its option
+_ALONE = re.compile(r"(rate|format|sensor|range|columns|units|nominal)(?:\.(\w+))?")
+_OPTIONS = {"columns": "--columns ", "nominal": "--counts "}
 # keys that only a config has
 _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 
@@ -61,6 +64,9 @@ def for_reader(text):
         return text
     place = _place.get()
     named = {COMMAND_LINE: _option, PYTHON: _argument}[place]
+    if place == COMMAND_LINE and (key := _ALONE.fullmatch(text)) and not _KEY.fullmatch(text):
+        name, part = key.groups()
+        return f"{_OPTIONS.get(name, f'--set {name}.')}{part}" if part else f"--{name}"
     text = text.replace(PAIR, _PAIRS[place])
     text = _KEY.sub(lambda found: named(*found.groups()), text)
     return _NO_OPTION.sub(r"\g<0> (only in a config)", text)

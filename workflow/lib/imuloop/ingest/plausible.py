@@ -175,13 +175,16 @@ def unit_of_force(e):
 
 
 def size_of_force(e):
-    """Return the words on a specific force that is off by no known factor."""
-    ratio, rests, words = force_off(e) or (None, None, "")
+    """Return the words on a specific force that is off by no known factor, before the remedy."""
+    if not (off := force_off(e)):
+        return None
+    ratio, rests, words = off
     if _is_gravity(rests):
-        return f"{words}: gravity is in it, in {rests['attitudes']} attitudes, {ratio:.2g} of it"
-    taken_out = ratio is not None and ratio < 0.3
-    why = "has gravity been taken out of the log, or does it hold increments per sample? If not"
-    return f"{words}: {why}" if taken_out else words
+        words += f": gravity is in it, in {rests['attitudes']} attitudes, {ratio:.2g} of it"
+    elif ratio < 0.3:
+        why = "has gravity been taken out of the log, or does it hold increments per sample?"
+        return f"{words}: {why} If not, "
+    return f"{words}; "
 
 
 def is_live(figures):
