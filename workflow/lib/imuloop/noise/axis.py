@@ -108,7 +108,9 @@ def _strongest_line(signals, selection):
     """Return the most significant Line of Signals, or None.
 
     The fit of the terms may take a line of a few periods for noise. So a line that stands out from
-    its neighbours alone is kept from the fit. It is a line if it then stands out from the terms.
+    its neighbours alone is kept from the fit. It is a line if it then stands out from the terms. It
+    is sought in the means of the blocks: a faster line is one mode among many, too narrow for any
+    term to follow.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)
@@ -118,11 +120,13 @@ def _strongest_line(signals, selection):
     if line := find_line(signals, _density(selection), level):
         return line
     flat = basis.dt * np.mean(likelihood.power())
-    line = find_line(signals, lambda f: np.full_like(f, flat), level)
+    slow = [means for signal in signals if (means := signal.closed_up().means(basis.m))]
+    line = find_line(slow, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
     apart = abs(basis.frequency - line.frequency.value) > 1 / basis.span
-    return find_line(signals, _density(selection.weighted(likelihood.count * apart)), level)
+    spectrum = _density(selection.weighted(likelihood.count * apart))
+    return find_line(slow, spectrum, level) and find_line(signals, spectrum, level)
 
 
 def _density(selection):
