@@ -6,10 +6,11 @@ import pytest
 from scipy.signal import lfilter
 
 from bench.realistic.device import record
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
 from ingest.harm import in_packets, later
-from ingest.injections import INJECTIONS, TEMPERATURE, check_figures, injected
+from ingest.injection import check_figures, injected
+from ingest.injections import INJECTIONS
 from ingest.logs import ALL, poses, rest, simulated
 
 

@@ -16,12 +16,12 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
 from imuloop.diagnose.records.pose_diagnosis import (
-    PoseResult,
     diagnose_poses,
     pose_candidates,
     pose_problem,
 )
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
+from imuloop.diagnose.records.record_diagnosis import PoseResult
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests

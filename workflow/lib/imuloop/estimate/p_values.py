@@ -6,7 +6,7 @@ A noise hypothesis is one covariance that the noise of the residuals may have.
 import numpy as np
 from scipy.special import betainc, betaln
 
-from imuloop.estimate.training_fit import ChiSquare
+from imuloop.estimate.axis_fit import ChiSquare
 
 
 def log_f_tail(statistic, q, dof):

@@ -10,8 +10,8 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_record
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.records.record_diagnosis import PoseResult, diagnose_record
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.estimate.least_squares import why_no_fit

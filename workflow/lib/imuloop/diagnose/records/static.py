@@ -11,8 +11,9 @@ from imuloop.diagnose.records.scan import best_steps
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
+from imuloop.estimate.axis_fit import combined_axes
 from imuloop.estimate.evidence import Evidence, RowGroup
-from imuloop.estimate.training_fit import ABSORBED, combined_axes
+from imuloop.estimate.training_fit import ABSORBED
 from imuloop.model.effect import FittedEffect
 
 

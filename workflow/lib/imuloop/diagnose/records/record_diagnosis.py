@@ -1,0 +1,273 @@
+"""Diagnosis of one kind of record: search for effects, and residuals compared with their floor."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from imuloop.core.errors import plural
+from imuloop.diagnose.content import residuals_content, search_content, size_of
+from imuloop.diagnose.records.pose_tables import residual_columns
+from imuloop.effects.products import Product
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.joint_fit import JointFit
+from imuloop.estimate.least_squares import Fit
+from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.search import kinds_of
+from imuloop.estimate.verdict import (
+    LEFT,
+    ResidualGroup,
+    compare_with_noise,
+    may_lack_effect,
+)
+from imuloop.factors.factors import VELOCITY
+from imuloop.model.effects import EffectKind, SensorEffect
+
+# kinds of residuals that grow if the device moves during rests, and the share of such rests from
+# which on the motion may explain these residuals
+MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
+STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
+# alternatives of the noise that are less probable do not count for the range of the floor
+NEGLIGIBLE = 0.025
+
+
+@dataclass(frozen=True)
+class PoseResult:
+    """The diagnosis of both sensors at the poses, or in motion."""
+
+    contents: dict  # content of diagnosis.json, by sensor
+    joint_fit: JointFit | None = None  # None if the poses determine no sensor
+    # the fit with the added effects; None if nothing could be fitted
+    solution: Fit | None = None
+    calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
+    choices: Choices | None = None  # the searches; None if nothing could be tested
+    # columns of residuals as in `residual_columns`; empty if nothing could be tested
+    residuals: dict = field(default_factory=dict)
+    # reason why the calibration of a sensor is rejected, by sensor
+    rejected: dict = field(default_factory=dict)
+
+
+def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
+    """Search for effects in a record and judge the residuals that remain.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        The rows of the record.
+    kinds_by_sensors : dict of tuple to tuple
+        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+    reasons : dict of str to dict
+        By sensor, status and reason of the effects that are not tried.
+    formulas : callable
+        Takes the name of a sensor; returns the Products, effects without a known cause, to try if
+        its residuals are above the floor, the errors that noise alone gives, with all other
+        effects.
+
+    Returns
+    -------
+    PoseResult
+    """
+    result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
+    for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
+        if variants := formulas(sensor):
+            kind = EffectKind(Product, sensor)
+            formulas_by_kind[kind] = tuple(SensorEffect(variant, sensor) for variant in variants)
+    if formulas_by_kind:
+        choices = Choices(problem.with_formulas(formulas_by_kind))
+        result = judge_records(choices, kinds_by_sensors)
+    # the added effects with their parameters, in the order in which they were added
+    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
+    added = [fitted[e.sensor, e.effect] for e in result.choices.choice().effects]
+    contents = {
+        sensor: content | search_content(result.choices, added, reasons.get(sensor, {}), sensor)
+        for sensor, content in result.contents.items()
+    }
+    return replace(result, contents=contents)
+
+
+def judge_records(choices, kinds_by_sensors):
+    """Compare the residuals of a record with their floors, the errors that noise alone gives.
+
+    Parameters
+    ----------
+    choices : Choices
+        The searches and the choice of effects.
+    kinds_by_sensors : dict of tuple to tuple
+        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+
+    Returns
+    -------
+    PoseResult
+        Its contents have the verdict and the residuals by sensor, but no effects and candidates.
+    """
+    # held-out errors, for which the effects are chosen again without each fold
+    errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
+    for sensors, kinds in kinds_by_sensors.items():
+        content, columns_of_kinds = judge_sensors(choices, sensors, kinds, errors)
+        contents |= dict.fromkeys(sensors, content)
+        columns |= columns_of_kinds
+    solution, calibrations = final_solution(choices.problem, choices.choice().effects)
+    return PoseResult(
+        contents=contents,
+        joint_fit=choices.problem.joint_fit,
+        solution=solution,
+        calibrations=calibrations,
+        choices=choices,
+        residuals=columns,
+    )
+
+
+def judge_sensors(choices, sensors, kinds, errors):
+    """Compare the residuals that judge some sensors with the errors that noise alone gives.
+
+    These errors are the floor. Residuals 'before' are those without the effects that were added to
+    these sensors.
+
+    Parameters
+    ----------
+    choices : Choices
+        Searches and choice of effects for a PoseProblem of N rows.
+    sensors : tuple of str
+    kinds : tuple of str
+        Kinds of residuals.
+    errors : ndarray, shape (N, 1)
+        Held-out errors with all added effects.
+
+    Returns
+    -------
+    dict
+        Fields of diagnosis.json: ``verdict``, ``slow_noise`` and ``residuals``.
+    dict of str to ndarray
+        Columns of these kinds of residuals for poses.parquet or moves.parquet.
+    """
+    problem, added = choices.problem, choices.choice().effects
+    effects_before = tuple(e for e in added if e.sensor not in sensors)
+    has_effects = len(effects_before) < len(added)
+    errors_before = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
+    # rows next to a step cannot be predicted: they do not count in either error
+    predicted = np.isfinite(errors_before) & np.isfinite(errors)
+    errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
+    before, after = problem.linearization(effects_before), problem.linearization(added)
+    weights, comparisons = compare_rows(problem, after, kinds, errors[1])
+    comparisons_before = comparisons
+    if has_effects:
+        _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
+    # the floor is the mean over the alternatives of the noise in the fit with effects
+    jacobian, row_folds = before.jacobian, problem.row_folds
+    floors = [
+        np.diag(held_out_covariance(covariance, jacobian, row_folds))[:, None]
+        for covariance in after.covariances
+    ]
+    floors = np.where(predicted, floors, np.nan)
+    floor = np.tensordot(weights, floors, 1)
+    units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
+    pair = comparisons_before, comparisons
+    content = residuals_content(problem, units, pair, errors, floor, has_effects)
+    for kind, entry in content["residuals"].items():
+        rows = problem.of_kind(kind)
+        sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
+        sizes.append(entry["floor"])
+        entry["floor_range"] = [min(sizes), max(sizes)]
+        entry["in_sample_before"] = size_of(problem, kind, before.values[rows][:, None])
+        entry["in_sample_after"] = size_of(problem, kind, after.values[rows][:, None])
+    if "rotation" in kinds:
+        entry = content["residuals"]["rotation"]
+        entry |= undersampled(problem, after.solution, entry["floor"])
+    p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
+    if problem.recording.rotations.aliased.any():
+        # turns that were sampled too slowly have their own error, which is not slow noise
+        p_values.pop("rotation", None)
+    significant = any(p < problem.settings.residual_significance for p in p_values.values())
+    content["slow_noise"] = significant and content["verdict"] not in LEFT
+    if content["verdict"] == "unexplained" and MOVED.intersection(kinds):
+        moved = problem.recording.poses.tilt > 0
+        if moved.mean() >= MOVED_RESTS:
+            why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
+            content |= {"verdict": "not_testable", "why": why + STILL}
+    # held-out errors get the sign of the residuals of the fit
+    signed = (*(-e[:, 0] for e in errors), before.values, after.values)
+    return content, residual_columns(problem, kinds, signed, floor[:, 0])
+
+
+def compare_rows(problem, linearization, kinds, errors):
+    """Compare the residuals of a fit of all poses with the noise.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        It has N rows, one for each component of a residual.
+    linearization : Linearization
+        The fit, with m alternatives of the noise: covariances that it may have.
+    kinds : sequence of str
+        Kinds of residuals.
+    errors : ndarray, shape (N, 1)
+        Held-out errors with the effects of the fit; nan in rows that are not predicted.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Probability of each alternative.
+    list of NoiseComparison
+        The comparison for each kind.
+    """
+    rows = [problem.of_kind(kind) for kind in kinds]
+    group = ResidualGroup(
+        values=linearization.values,
+        jacobian=linearization.jacobian,
+        covariances=linearization.covariances,
+        row_folds=problem.row_folds,
+        kinds=rows,
+    )
+    squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
+    predicted = np.isfinite(errors[:, 0])
+    return compare_with_noise([group], linearization.log_prior, squares, predicted=predicted)
+
+
+def undersampled(problem, solution, floor):
+    """Return the error of the rotations by slow sampling, if it exceeds all other noise.
+
+    Both errors come from the noise as estimated.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+    solution : Fit
+        The fit of all poses.
+    floor : float
+        Held-out error of the rotations that the noise alone gives, rad. It limits both errors
+        together.
+
+    Returns
+    -------
+    dict
+        One field, ``undersampled``, or none. It has the ``error`` by sampling and that of all
+        ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
+        be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
+    """
+    joint_fit, recording = problem.joint_fit, problem.recording
+    rotations = recording.rotations
+    if not rotations.aliased.any():
+        return {}
+    noise, variances = joint_fit.linearise(solution, recording).noise, []
+    for aliasing in (True, False):
+        covariance = noise.by(joint_fit.noise, aliasing)
+        # the last rows are those of the rotations, two each
+        variances.append(np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations))
+    total, others = variances
+    sampling = min(total, floor**2) - others
+    if sampling <= others:
+        return {}
+    rate = 1 / np.median(rotations.steps[rotations.steps > 0])
+    fall = np.average(rotations.fall, weights=rotations.aliased)
+    enough = rate * (sampling / others) ** (1 / fall)
+    names = "error", "others", "rate_hz", "enough_hz"
+    values = map(float, (sampling**0.5, others**0.5, rate, enough))
+    return {"undersampled": dict(zip(names, values, strict=True))}
+
+
+def final_solution(problem, effects):
+    """Return the Fit of all poses with some effects, and the calibrations from it, by sensor.
+
+    The covariance of the calibrations includes the uncertainty of the noise.
+    """
+    solution = problem.linearization(effects).solution
+    return solution, problem.joint_fit.calibrations(solution, problem.covariance(effects))
