@@ -97,6 +97,11 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     assert planned(checkout, folder, written) == expected
 
 
+def test_gravity_reruns_the_calibration_of_its_device(folder, checkout, written):
+    written["devices"]["posed"]["gravity"] = 9.81
+    assert planned(checkout, folder, written) == jobs("posed", "calibrate") | REPORT
+
+
 def test_a_prior_and_a_tolerance_rerun_the_calibration_of_their_device(folder, checkout, written):
     """The file of the prior is as large as the one before and older."""
     made = read_json(folder / "results/resting/calibration.json")

@@ -35,7 +35,7 @@ rule ingest:
         mem_mb=by_size(950, 6500),
         runtime=by_size(5, 5),
     params:
-        device=settings("nominal", "full_scale", "gravity"),
+        device=settings("nominal", "full_scale"),
         log=log_of,
         code=code("ingest.py"),
     script:
