@@ -33,11 +33,11 @@ SESSION = """
     kind: statc, file: poses.csv
     kind: 'statc' is not a kind of session; did you mean 'static'?
     kind: reference_motion, file: poses.csv
-    reference: missing; a needs it
+    reference: missing; a session of kind reference_motion needs it
     reference: {columns: {orientation: [a, b, c, d]}, convention: body_to_world}
     reference: only a session of kind reference_motion has one
     kind: known_rotation, file: poses.csv, axis: x
-    angle: missing; a needs it
+    angle: missing; a session of kind known_rotation needs it
     format: netcdf4
     format: 'netcdf4' is not a format; did you mean 'netcdf'?
     file: poses.csv

