@@ -100,16 +100,16 @@ NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 
 PINNED := pip install --quiet --require-hashes
 # of a lock, which names all that is needed; nothing is compiled that is never imported
 LOCKED := $(PINNED) --no-deps --no-compile --no-build-isolation
-$(READY): requirements-build.lock requirements.lock
+$(READY): locks/build.lock locks/users.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	@test ! -L .venv || { echo ".venv is a link, and set-up empties what it leads to: remove it"; exit 1; }
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
-	$(BIN)/$(LOCKED) -r requirements.lock
+	$(BIN)/python -m $(PINNED) --only-binary :all: -r locks/build.lock
+	$(BIN)/$(LOCKED) -r locks/users.lock
 	touch $@
 
-$(DEV_READY): $(READY) requirements-dev.lock | setup
-	$(BIN)/$(LOCKED) -r requirements-dev.lock
+$(DEV_READY): $(READY) locks/dev.lock | setup
+	$(BIN)/$(LOCKED) -r locks/dev.lock
 	touch $@
 
 # the command, and the library as it is in workflow/lib: an edit needs no new set-up
@@ -120,20 +120,20 @@ $(BIN)/imuloop: $(READY) pyproject.toml
 # .venv with Snakemake's plugins for SLURM and S3, an environment of its own: each call loads them
 setup-cluster: .venv-cluster/.ready
 
-.venv-cluster/.ready: requirements-build.lock requirements.lock requirements-cluster.lock
+.venv-cluster/.ready: locks/build.lock locks/users.lock locks/cluster.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv-cluster
-	.venv-cluster/bin/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
-	.venv-cluster/bin/$(LOCKED) -r requirements.lock -r requirements-cluster.lock
+	.venv-cluster/bin/python -m $(PINNED) --only-binary :all: -r locks/build.lock
+	.venv-cluster/bin/$(LOCKED) -r locks/users.lock -r locks/cluster.lock
 	touch $@
 
-.venv-cluster/.ready-dev: .venv-cluster/.ready requirements-dev.lock requirements-cluster-dev.lock
-	.venv-cluster/bin/$(LOCKED) -r requirements-dev.lock -r requirements-cluster-dev.lock
+.venv-cluster/.ready-dev: .venv-cluster/.ready locks/dev.lock locks/cluster-dev.lock
+	.venv-cluster/bin/$(LOCKED) -r locks/dev.lock -r locks/cluster-dev.lock
 	touch $@
 
 # Exact versions and hashes, for all platforms; run by hand after a change of pyproject.toml. Versions
 # stay as they are in the locks that are there. Everything is resolved at once, then told apart:
-# requirements.lock is for users, the others have what their group needs beside.
+# locks/users.lock is for users, the others have what their group needs beside.
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-annotate --custom-compile-command "make lock"
 ALL = $(COMPILE) pyproject.toml --extra all
@@ -144,17 +144,17 @@ CLUSTER := --extra slurm --extra s3
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv
-	printf 'pip\nsetuptools\n' | $(COMPILE) - -o requirements-build.lock
-	sed -n '/==/s/ \\$$//p' requirements.lock requirements-*.lock >build/lock/every.lock
+	printf 'pip\nsetuptools\n' | $(COMPILE) - -o locks/build.lock
+	sed -n '/==/s/ \\$$//p' locks/*.lock >build/lock/every.lock
 	$(ALL) --extra dev $(CLUSTER) --extra moto -o build/lock/every.lock
-	$(GROUP) -o requirements.lock
+	$(GROUP) -o locks/users.lock
 	$(MAKE) environment
-	$(GROUP) --extra dev $(call WITHOUT,requirements.lock) -o requirements-dev.lock
-	$(GROUP) $(CLUSTER) $(call WITHOUT,requirements.lock) -o requirements-cluster.lock
-	$(GROUP) --extra moto $(call WITHOUT,requirements.lock requirements-dev.lock requirements-cluster.lock) \
-		-o requirements-cluster-dev.lock
+	$(GROUP) --extra dev $(call WITHOUT,locks/users.lock) -o locks/dev.lock
+	$(GROUP) $(CLUSTER) $(call WITHOUT,locks/users.lock) -o locks/cluster.lock
+	$(GROUP) --extra moto $(call WITHOUT,locks/users.lock locks/dev.lock locks/cluster.lock) \
+		-o locks/cluster-dev.lock
 
-# workflow/envs/imuloop.yaml, the Conda environment of the jobs: the versions of requirements.lock
+# workflow/envs/imuloop.yaml, the Conda environment of the jobs: the versions of locks/users.lock
 environment:
 	$(PYTHON) docs/environment.py
 

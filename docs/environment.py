@@ -1,12 +1,12 @@
-"""The Conda environment of the jobs: ``make environment`` writes it from requirements.lock."""
+"""The Conda environment of the jobs: ``make environment`` writes it from locks/users.lock."""
 
 import re
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-LOCK = REPOSITORY / "requirements.lock"
+LOCK = REPOSITORY / "locks/users.lock"
 FILE = REPOSITORY / "workflow/envs/imuloop.yaml"
-HEAD = """# made by `make environment` from requirements.lock
+HEAD = """# made by `make environment` from locks/users.lock
 channels:
   - conda-forge
 dependencies:

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ("requirements-build.lock", "requirements.lock", "requirements-dev.lock")
+LOCKS = ("locks/build.lock", "locks/users.lock", "locks/dev.lock")
 NOT_STATED = "not stated"
 NOT_INSTALLED = "not installed on this platform"
 HEAD = "# Licences of the packages in .venv\n\n| licence | packages |\n|---|---|\n"

@@ -297,9 +297,9 @@ def test_readme_and_documents_are_short():
     assert sum(ours) - words[REPOSITORY / "CHANGELOG.md"] <= 11_000
 
 
-@pytest.mark.parametrize("name", ["build", "dev", "cluster", "cluster-dev", ""])
+@pytest.mark.parametrize("name", ["build", "users", "dev", "cluster", "cluster-dev"])
 def test_every_package_of_a_lock_has_a_hash(name):
-    text = (REPOSITORY / f"requirements{name and '-'}{name}.lock").read_text()
+    text = (REPOSITORY / f"locks/{name}.lock").read_text()
     packages = re.split(r"^(?=[a-z0-9])", text, flags=re.M)[1:]
     assert packages and all("==" in each and "--hash=sha256:" in each for each in packages)
 
@@ -307,14 +307,14 @@ def test_every_package_of_a_lock_has_a_hash(name):
 def test_nothing_is_built_with_what_is_not_pinned():
     """Each set-up installs the pinned pip and setuptools first, and fetches none to build with."""
     for line in re.findall(r".*(?:PINNED\)|pip install).*", (REPOSITORY / "Makefile").read_text()):
-        if "-r requirements" in line:
+        if "-r locks/" in line:
             assert "--only-binary :all:" in line or "--no-build-isolation" in line
-    pins = (REPOSITORY / "requirements-build.lock").read_text()
+    pins = (REPOSITORY / "locks/build.lock").read_text()
     assert re.findall(r"^(\w+)==", pins, re.M) == ["pip", "setuptools"]
 
 
 def test_the_environment_of_the_jobs_is_that_of_the_lock():
-    """All packages that pyproject.toml names for users, with the versions of requirements.lock."""
+    """All packages that pyproject.toml names for users, with the versions of locks/users.lock."""
     made = runpy.run_path(str(REPOSITORY / "docs/environment.py"))
     text = (REPOSITORY / "workflow/envs/imuloop.yaml").read_text()
     assert text == made["environment"](), "run make environment"
