@@ -18,8 +18,8 @@ from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, read_columns
 from imuloop.core.segments import STATIC
-from imuloop.diagnose.records.motion import no_result
-from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
+from imuloop.diagnose.motion import no_result
+from imuloop.diagnose.poses import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices

@@ -10,7 +10,7 @@ from diagnose.models import of_sensor, pair_of, problem_of, variants_of
 from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
-from imuloop.diagnose.records.pose_problem import PoseProblem
+from imuloop.diagnose.pose_problem import PoseProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.temperature import BiasTemperature
 from imuloop.estimate.choice import Choices

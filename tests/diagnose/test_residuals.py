@@ -72,7 +72,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, folds=5)
         about, errors = problem.linearization(), Choices(problem).errors_with(())
-        covariance = about.covariances[0]
+        covariance = about.alternatives[1][0]
         variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_folds))
         for kind in ratios:
             rows, k = problem.of_kind(kind), problem.components(kind)

@@ -13,7 +13,7 @@ from calibrate.devices import at_rest, recording
 from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.records.pose_diagnosis import too_few
+from imuloop.diagnose.poses import too_few
 from imuloop.effects.drifts import WarmUp
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.residuals import held_out_covariance
@@ -116,7 +116,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     assert each.significant_effects(each.kinds) == SENSITIVE
     assert again.search(held_out).significant_effects(each.kinds) == SENSITIVE
     about = problem.linearization(SENSITIVE)
-    noise = held_out_covariance(about.covariances[0], about.jacobian, problem.row_folds)
+    noise = held_out_covariance(about.alternatives[1][0], about.jacobian, problem.row_folds)
     # the prior's rows come last
     measured = problem.fold_of_row >= 0
     own = (problem.rows[0] == 0).any(axis=1)

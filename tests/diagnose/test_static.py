@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.diagnose.records.moves import cut_at_tilts
-from imuloop.diagnose.records.static import fitted_effects, information
-from imuloop.diagnose.records.static_diagnosis import search_records
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static import search_records
+from imuloop.diagnose.static_problem import cut_at_tilts, fitted_effects, information
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature

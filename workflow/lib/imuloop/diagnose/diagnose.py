@@ -14,17 +14,17 @@ from imuloop.calibrate.sessions import GROUPS, largest_recording, read_poses, us
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.records.motion import diagnose_motion
-from imuloop.diagnose.records.pose_diagnosis import (
+from imuloop.diagnose.motion import diagnose_motion
+from imuloop.diagnose.poses import (
     diagnose_poses,
     pose_candidates,
     pose_problem,
 )
-from imuloop.diagnose.records.pose_tables import moves_table, poses_table
-from imuloop.diagnose.records.record_diagnosis import PoseResult
-from imuloop.diagnose.records.reference import diagnose_reference
-from imuloop.diagnose.records.rests import read_static
-from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
+from imuloop.diagnose.record import PoseResult
+from imuloop.diagnose.reference import diagnose_reference
+from imuloop.diagnose.static import diagnose_static, static_tests
+from imuloop.diagnose.static_means import read_static
+from imuloop.diagnose.tables import moves_table, poses_table
 from imuloop.estimate.verdict import not_testable, of_calibration
 from imuloop.model.calibration import Calibration
 from imuloop.model.calibration_faults import implausible_values
@@ -91,7 +91,7 @@ def diagnose_device(
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
     base = Calibration.from_json(six_position if method == "six_position" else multi_position)
     data, noise = read_static(sessions), NoiseModel.from_json(noise)
-    records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
+    records = data.records(base, settings.mean_time)
     tests = settings.family * (
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
@@ -102,8 +102,10 @@ def diagnose_device(
     has_static_session = "static" in data.kinds.values()
     static_effects, information = (), None
     if has_static_session:
-        has_temperature = recording.poses.temperature is not None
-        static_effects, information = static.effects_at_poses(has_temperature)
+        has_temperature, information = recording.poses.temperature is not None, static.information
+        static_effects = tuple(
+            e for e in static.sensor_effects if has_temperature or "temperature" not in e.needs
+        )
     # this noise is also without a ramp, which poses do not have but which would add slow noise
     noise = static.noise
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}

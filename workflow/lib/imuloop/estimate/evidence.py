@@ -180,6 +180,21 @@ class Evidence:
         """
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
+    def parameters_of(self, effects, axis):
+        """Return to which parameters the columns of some effects on one axis, an index, belong.
+
+        Returns
+        -------
+        ndarray, shape (k,) of int
+            For each of their k columns the index of its parameter among those of all `effects`.
+        ndarray, shape (k,)
+            The norm that each column was divided by: its coefficient is the parameter times this.
+        """
+        starts = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        patterns = self.patterns(effects)
+        index = [i + k for i, p in zip(starts, patterns, strict=False) for k in p.parameters[axis]]
+        return np.array(index, int), np.concatenate([[], *(p.scale[axis] for p in patterns)])
+
     def with_noise(self, noise):
         """Return the Evidence of the same rows with other noise hypotheses.
 

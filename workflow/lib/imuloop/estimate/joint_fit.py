@@ -179,7 +179,7 @@ class JointFit:
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
-            values, jacobian = _with_prior(linearised, R, z)
+            values, jacobian = with_prior(linearised, x, (R, z))
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
@@ -189,7 +189,7 @@ class JointFit:
                 break
         # χ² uses the covariance of the noise model, without the excess
         owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
-        owners, (values, jacobian) = np.unique(owner[:n]), _with_prior(measured.at(x), R, z)
+        owners, (values, jacobian) = np.unique(owner[:n]), with_prior(measured.at(x), x, (R, z))
         squares, _ = chi_square(values, estimated, jacobian, [owner == name for name in owners])
         reduced = (chi2 / dof if dof > 0 else None for chi2, dof in squares)
         reduced = dict(zip(owners.tolist(), reduced, strict=True))
@@ -223,11 +223,12 @@ class JointFit:
         return calibrations
 
 
-def _with_prior(linearised, R, z):
+def with_prior(linearised, x, prior):
     """Return residuals, (N,), and their Jacobian, (N, p), of a recording and then of a prior.
 
-    `linearised` has the residuals and the Jacobian of the recording at the state x, (p,). The prior
-    has the residuals ``R x - z`` with R, (k, p), and z, (k,).
+    `linearised` has the residuals and the Jacobian of the recording at the parameters x, (p,). The
+    prior, R, (k, p), and z, (k,), has the residuals ``R x - z``.
     """
-    values = np.append(linearised.residual, R @ linearised.state.x - z)
+    R, z = prior
+    values = np.append(linearised.residual, R @ x - z)
     return values, np.concatenate([linearised.jacobian, R])

@@ -229,15 +229,14 @@ class Search:
         can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
-        (pattern,) = training_fit.evidence.patterns((effect,))
-        for axis, columns in enumerate(pattern.columns):
-            index, scale = pattern.parameters[axis], pattern.scale[axis]
-            fit = training_fit.fit((*base, effect), axis) if columns else None
+        for axis in range(training_fit.evidence.axes):
+            index, scale = training_fit.evidence.parameters_of((effect,), axis)
+            fit = training_fit.fit((*base, effect), axis) if len(index) else None
             if fit is not None:
                 # the last coefficients are those of the effect; each is a parameter times `scale`
-                coefficients, covariance = fit.average()
-                covariance = covariance[-len(columns) :, -len(columns) :] / np.outer(scale, scale)
-                estimates.append((index, coefficients[-len(columns) :] / scale, covariance))
+                coefficients, covariance = (x[..., -len(index) :] for x in fit.average())
+                covariance = covariance[-len(index) :] / np.outer(scale, scale)
+                estimates.append((index, coefficients / scale, covariance))
         values, covariance = combined_axes(len(effect.parameters), estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 

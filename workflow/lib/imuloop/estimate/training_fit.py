@@ -346,27 +346,6 @@ class TrainingFit:
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
         return nuisances, coefficients
 
-    def parameters(self, effects, axis):
-        """Return the estimates of one axis: nuisance parameters and parameters of the effects.
-
-        Returns
-        -------
-        list of ndarray, shape (p,)
-            For each group of rows its p nuisance parameters, which are in every fit.
-        dict of Effect to ndarray, shape (q,)
-            The q parameters of each of the `effects`, SI. They are zero if the rows of the axis, an
-            index, do not depend on them.
-        """
-        nuisances, coefficients = self.solve(effects, axis)
-        parameters = {}
-        for pattern in self.evidence.patterns(effects):
-            # the effect has a column for each parameter in `index`, divided by `scale`
-            index, scale = pattern.parameters[axis], pattern.scale[axis]
-            parameters[pattern.effect] = np.zeros(pattern.design.shape[2])
-            parameters[pattern.effect][index] = coefficients[: len(index)] / scale
-            coefficients = coefficients[len(index) :]
-        return nuisances, parameters
-
     def residuals(self, effects, axis):
         """Return the residuals of all N rows on one axis, (N,), SI, from a fit with some effects.
 

@@ -11,7 +11,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
 from imuloop.core.sphere import count_attitudes
-from imuloop.diagnose.records.pose_diagnosis import APART, ATTITUDES, TESTABLE
+from imuloop.diagnose.poses import APART, ATTITUDES, TESTABLE
 from imuloop.model.calibration import Calibration
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession

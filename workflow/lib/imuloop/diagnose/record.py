@@ -6,19 +6,14 @@ import numpy as np
 
 from imuloop.core.errors import plural
 from imuloop.diagnose.content import residuals_content, search_content, size_of
-from imuloop.diagnose.records.pose_tables import residual_columns
+from imuloop.diagnose.tables import residual_columns
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.joint_fit import JointFit
 from imuloop.estimate.least_squares import Fit
 from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.search import kinds_of
-from imuloop.estimate.verdict import (
-    LEFT,
-    ResidualGroup,
-    compare_with_noise,
-    may_lack_effect,
-)
+from imuloop.estimate.verdict import LEFT, ResidualGroup, compare_with_noise, may_lack_effect
 from imuloop.factors.factors import VELOCITY
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -148,41 +143,39 @@ def judge_sensors(choices, sensors, kinds, errors):
     errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
-    comparisons_before = comparisons
-    if has_effects:
-        _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
+    pair = compare_rows(problem, before, kinds, errors[0])[1] if has_effects else comparisons
     # the floor is the mean over the alternatives of the noise in the fit with effects
-    jacobian, row_folds = before.jacobian, problem.row_folds
     floors = [
-        np.diag(held_out_covariance(covariance, jacobian, row_folds))[:, None]
-        for covariance in after.covariances
+        np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))[:, None]
+        for covariance in after.alternatives[1]
     ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
     units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
-    pair = comparisons_before, comparisons
-    content = residuals_content(problem, units, pair, errors, floor, has_effects)
+    content = residuals_content(problem, units, (pair, comparisons), errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
         rows = problem.of_kind(kind)
         sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
         sizes.append(entry["floor"])
         entry["floor_range"] = [min(sizes), max(sizes)]
-        entry["in_sample_before"] = size_of(problem, kind, before.values[rows][:, None])
-        entry["in_sample_after"] = size_of(problem, kind, after.values[rows][:, None])
+        for when, linearization in (("before", before), ("after", after)):
+            in_sample = linearization.values[rows][:, None]
+            entry[f"in_sample_{when}"] = size_of(problem, kind, in_sample)
     if "rotation" in kinds:
         entry = content["residuals"]["rotation"]
         entry |= undersampled(problem, after.solution, entry["floor"])
-    p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
-    if problem.recording.rotations.aliased.any():
+    significance = problem.settings.residual_significance
+    content["slow_noise"] = content["verdict"] not in LEFT and any(
+        comparison.p_value_as_estimated < significance
+        for kind, comparison in zip(kinds, comparisons, strict=True)
         # turns that were sampled too slowly have their own error, which is not slow noise
-        p_values.pop("rotation", None)
-    significant = any(p < problem.settings.residual_significance for p in p_values.values())
-    content["slow_noise"] = significant and content["verdict"] not in LEFT
-    if content["verdict"] == "unexplained" and MOVED.intersection(kinds):
-        moved = problem.recording.poses.tilt > 0
-        if moved.mean() >= MOVED_RESTS:
-            why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
-            content |= {"verdict": "not_testable", "why": why + STILL}
+        if kind != "rotation" or not problem.recording.rotations.aliased.any()
+    )
+    moved = problem.recording.poses.tilt > 0
+    may_have_moved = MOVED.intersection(kinds) and moved.mean() >= MOVED_RESTS
+    if content["verdict"] == "unexplained" and may_have_moved:
+        why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
+        content |= {"verdict": "not_testable", "why": why + STILL}
     # held-out errors get the sign of the residuals of the fit
     signed = (*(-e[:, 0] for e in errors), before.values, after.values)
     return content, residual_columns(problem, kinds, signed, floor[:, 0])
@@ -209,17 +202,16 @@ def compare_rows(problem, linearization, kinds, errors):
     list of NoiseComparison
         The comparison for each kind.
     """
-    rows = [problem.of_kind(kind) for kind in kinds]
+    log_prior, covariances = linearization.alternatives
     group = ResidualGroup(
         values=linearization.values,
+        errors=errors,
         jacobian=linearization.jacobian,
-        covariances=linearization.covariances,
+        covariances=covariances,
         row_folds=problem.row_folds,
-        kinds=rows,
+        kinds=[problem.of_kind(kind) for kind in kinds],
     )
-    squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
-    predicted = np.isfinite(errors[:, 0])
-    return compare_with_noise([group], linearization.log_prior, squares, predicted=predicted)
+    return compare_with_noise([group], log_prior)
 
 
 def undersampled(problem, solution, floor):
@@ -258,10 +250,9 @@ def undersampled(problem, solution, floor):
         return {}
     rate = 1 / np.median(rotations.steps[rotations.steps > 0])
     fall = np.average(rotations.fall, weights=rotations.aliased)
-    enough = rate * (sampling / others) ** (1 / fall)
-    names = "error", "others", "rate_hz", "enough_hz"
-    values = map(float, (sampling**0.5, others**0.5, rate, enough))
-    return {"undersampled": dict(zip(names, values, strict=True))}
+    entry = {"error": float(sampling**0.5), "others": float(others**0.5), "rate_hz": float(rate)}
+    entry["enough_hz"] = float(rate * (sampling / others) ** (1 / fall))
+    return {"undersampled": entry}
 
 
 def final_solution(problem, effects):

@@ -7,7 +7,7 @@ from scipy.special import chdtrc, chdtri, chndtrinc
 from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_reference, windows_of
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.records.pose_tables import no_tables
+from imuloop.diagnose.tables import no_tables
 from imuloop.estimate.error_ratio import ratio_interval
 from imuloop.estimate.residuals import rms_norm
 from imuloop.estimate.verdict import not_testable, verdict

@@ -13,16 +13,14 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
-from imuloop.diagnose.records.record_diagnosis import PoseResult, diagnose_record, final_solution
-from imuloop.diagnose.records.scan import pose_step
+from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.record import PoseResult, diagnose_record, final_solution
+from imuloop.diagnose.steps import pose_step
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 from imuloop.estimate.least_squares import why_no_fit
-from imuloop.estimate.verdict import (
-    not_testable,
-)
+from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import OF_SENSOR
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -100,7 +98,6 @@ def pose_problem(joint_fit, recording, settings, tests, static_effects=(), infor
         fold_of_pose=folds,
         nuisance_effects=nuisances,
         information=information,
-        base_rows=joint_fit.known,
         scans=scans,
     )
 

@@ -10,8 +10,8 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
-from imuloop.diagnose.records.record_diagnosis import PoseResult, diagnose_record
+from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.record import PoseResult, diagnose_record
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.estimate.least_squares import why_no_fit
@@ -118,8 +118,11 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return no_result(f"{why} two of its samples: log both at one rate")
     # the parameters of the base model, without effects
-    start = solution.x[:COUNT]
-    knock, lossy, tilted = move_faults(recording, start[BIAS])
+    start, first, tilt = solution.x[:COUNT], recording.rotations.first, recording.poses.tilt
+    knock = knocks(recording, start[BIAS])
+    # dropped samples may hide too large a velocity; a rest with a tilt has one that is not zero
+    lossy = hidden_velocity(recording, start[BIAS]) > HIDDEN
+    tilted = (tilt[first] > 0) | (tilt[first + 1] > 0)
     columns = {"knock_m_s": knock}
     usable = (knock <= SPOILED) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
     if usable.sum() < LEAST_MOVES:
@@ -140,7 +143,6 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
         fold_of_pose=folds,
         nuisance_effects=solution.effects,
         information=information,
-        base_rows=joint_fit.known,
     )
     try:
         # the same residuals judge both sensors
@@ -156,26 +158,6 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     has_new_effects = len(result.solution.effects) > len(solution.effects)
     calibrations = result.calibrations if has_new_effects else {}
     return replace(result, calibrations=calibrations, residuals=columns)
-
-
-def move_faults(recording, gyroscope_bias):
-    """Return the faults that make moves unusable, for each of the m moves of a recording.
-
-    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
-
-    Returns
-    -------
-    knock : ndarray, shape (m,)
-        Velocity that the move may lose between two samples, m/s; nan if the specific force is
-        saturated.
-    lossy : ndarray, shape (m,) of bool
-        Whether dropped samples may hide too large a velocity.
-    tilted : ndarray, shape (m,) of bool
-        Whether a rest before or after the move has a tilt, and so a velocity that is not zero.
-    """
-    first, tilt = recording.rotations.first, recording.poses.tilt
-    lossy = hidden_velocity(recording, gyroscope_bias) > HIDDEN
-    return knocks(recording, gyroscope_bias), lossy, (tilt[first] > 0) | (tilt[first + 1] > 0)
 
 
 def _too_few_moves(recording, usable, knock, lossy, tilted):
