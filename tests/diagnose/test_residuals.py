@@ -75,7 +75,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         covariance = about.alternatives[1][0]
         variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_folds))
         for kind in ratios:
-            rows, k = problem.of_kind(kind), problem.components(kind)
+            rows, k = problem.of_kind(kind), problem.kinds[kind][1]
             sizes = (rms_norm(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
             ratios[kind].append(next(sizes) / next(sizes))
     for kind, values in ratios.items():

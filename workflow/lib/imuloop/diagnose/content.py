@@ -52,7 +52,7 @@ def search_content(choices, fitted, reasons, sensor):
     }
 
 
-def residuals_content(problem, units, comparisons, errors, floor, has_effects):
+def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
     """Compare each kind of residual with its floor, without and with the added effects.
 
     The floor is the held-out error that the noise alone gives.
@@ -61,8 +61,8 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     ----------
     problem : PoseProblem or StaticProblem
         It has N rows, which are components of residuals, on a axes.
-    units : dict of str to str
-        Unit of each kind of residual.
+    kinds : sequence of str
+        Kinds of residuals.
     comparisons : pair of list of NoiseComparison
         Comparison of each kind with the noise, without and with the effects.
     errors : pair of ndarray, shape (N, a)
@@ -79,8 +79,8 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     """
     entries, above_before, above_after = {}, False, False
     significance = problem.settings.residual_significance
-    for (kind, unit), before, after in zip(units.items(), *comparisons, strict=True):
-        rows = problem.of_kind(kind)
+    for kind, before, after in zip(kinds, *comparisons, strict=True):
+        rows, (unit, components) = problem.of_kind(kind), problem.kinds[kind]
         noise = np.sqrt(floor[rows])
         by_noise = size_of(problem, kind, noise)
         error_before, error_after = (size_of(problem, kind, e[rows]) for e in errors)
@@ -88,7 +88,7 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
         above_after |= above_floor(after, significance, error_after, by_noise, has_effects)
         entries[kind] = {
             "unit": unit,
-            "n": int(np.isfinite(noise).sum()) // problem.components(kind),
+            "n": int(np.isfinite(noise).sum()) // components,
             "floor": by_noise,
             "before": error_before,
             "after": error_after,
@@ -118,7 +118,7 @@ def _candidate(sensor, choices, kind):
         # it cannot be estimated next to the base: another effect, or the base model, absorbs it
         alike, base, trial = masking_effect(search, base, kind), (), search.trial((), kind)
         if alike is None:
-            return untried(kind.name, "not_observable", problem.why_no_trial(search, kind))
+            return untried(kind.name, "not_observable", problem.why_no_trial)
         status, why = "confounded", f"{alike} adds all that it would: they are one in these data"
     else:
         status, why, alike = _status(choices, base, trial)
@@ -195,6 +195,6 @@ def size_of(problem, kind, errors):
     """Return the root mean square norm of the errors of one kind of residual, a float.
 
     `errors`, (n, k), are the n rows of that kind, with one column for each of k axes. A residual
-    consists of `problem.components(kind)` consecutive rows, and its norm is over all of them.
+    consists of `problem.kinds[kind][1]` consecutive rows, and its norm is over all of them.
     """
-    return rms_norm(errors.reshape(-1, problem.components(kind) * errors.shape[1]))
+    return rms_norm(errors.reshape(-1, problem.kinds[kind][1] * errors.shape[1]))

@@ -34,22 +34,20 @@ class Linearization:
     factors: object  # Linearised factors at its parameters
     values: np.ndarray  # (N,): residuals
     jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
-    fixed: np.ndarray  # (N, N): covariance by the noise of known size
-    slow: list  # Components of slow noise, whose size is uncertain
     evidence: Evidence  # Evidence of the rows
     likelihood: SizeLikelihood  # likelihood of the sizes of the k variance components of the noise
     likeliest: np.ndarray  # (k,): the most likely sizes
 
     @property
-    def sizes(self):
-        """Sizes of the components of slow noise, as the noise model estimates them."""
-        return np.array([component.size for component in self.slow])
+    def slow(self):
+        """Components of slow noise, a list: the noise model gives their size and its error."""
+        return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
 
     @property
     def variance(self):
         """Variance of the rows by the noise as estimated, (N,)."""
         slow = (np.diag(c.covariance) * c.size**2 for c in self.slow)
-        return np.diag(self.fixed) + sum(slow)
+        return np.diag(self.likelihood.fixed) + sum(slow)
 
     @cached_property
     def alternatives(self):
@@ -58,11 +56,11 @@ class Linearization:
         They are the logarithm of the prior probability of each, (m,), and the covariances of the
         rows, a list of m arrays (N, N). The noise as estimated is the first.
         """
-        change = likely_sizes(self.values, self.jacobian, self.fixed, self.slow) - self.sizes
-        distance = change / [component.deviation for component in self.slow]
-        covariances = [
-            total_covariance(self.fixed, self.slow, self.sizes + share * change) for share in PATH
-        ]
+        fixed, slow = self.likelihood.fixed, self.slow
+        sizes = np.array([component.size for component in slow])
+        change = likely_sizes(self.values, self.jacobian, fixed, slow) - sizes
+        distance = change / [component.deviation for component in slow]
+        covariances = [total_covariance(fixed, slow, sizes + share * change) for share in PATH]
         return -(distance @ distance) * PATH**2 / 2, covariances
 
 
@@ -93,6 +91,7 @@ class PoseProblem:
     # whether a scan is repeated when the base has grown: turns show the steps of both sensors
     scans_again = True
     error_scale = 1.0  # unit of the held-out errors in the error ratio
+    why_no_trial = "what it adds in these data is taken up by the base model"
 
     @cached_property
     def folds(self):
@@ -193,13 +192,10 @@ class PoseProblem:
         """Return the rows of one kind of residual, (N,) of bool."""
         return self.rows[1] == kind
 
-    def rows_by_kind(self):
-        """Return a list with the rows of each kind of residual, (N,) of bool."""
-        return [self.of_kind(kind) for kind in self.joint_fit.kinds]
-
-    def components(self, kind):
-        """Return the number of rows of one residual."""
-        return self.joint_fit.kinds[kind][1]
+    @property
+    def kinds(self):
+        """Kinds of residuals: by kind, its SI unit and number of components."""
+        return self.joint_fit.kinds
 
     def with_folds(self, fold_of_pose):
         """Return the PoseProblem with other folds of the poses, (n,)."""
@@ -271,8 +267,6 @@ class PoseProblem:
             factors=factors,
             values=values,
             jacobian=jacobian,
-            fixed=fixed,
-            slow=slow,
             evidence=evidence,
             likelihood=likelihood,
             likeliest=likeliest,
@@ -335,7 +329,7 @@ class PoseProblem:
         change = training_fit.residuals(base, 0) - training_fit.residuals(extended, 0)
         square = change**2 / self.nearest_linearization(base).variance
         square[self.fold_of_row < 0] = 0.0
-        kind = max(self.joint_fit.kinds, key=lambda kind: square[self.of_kind(kind)].sum())
+        kind = max(self.kinds, key=lambda kind: square[self.of_kind(kind)].sum())
         return kind, self.of_kind(kind)
 
     def covariance(self, effects):
@@ -385,18 +379,6 @@ class PoseProblem:
                 up, down = (design[:, 0] @ values for design in self.patterns(variants).values())
                 derivatives.append((up - down) / (2 * np.log(1.05)))
         return derivatives
-
-    def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect could not be tested.
-
-        `search` is the Search that tried it.
-        """
-        rows = search.training_fit(()).free_rows
-        variants = self.variants.get(kind) or (kind.cls(),)
-        least = min(len(variant.parameters) for variant in variants)
-        if rows <= least:
-            return f"{rows} residuals to spare do not determine {least} more parameters"
-        return "what it adds in these data is taken up by the base model"
 
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.

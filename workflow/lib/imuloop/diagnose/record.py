@@ -151,8 +151,7 @@ def judge_sensors(choices, sensors, kinds, errors):
     ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
-    units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
-    content = residuals_content(problem, units, (pair, comparisons), errors, floor, has_effects)
+    content = residuals_content(problem, kinds, (pair, comparisons), errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
         rows = problem.of_kind(kind)
         sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]

@@ -295,9 +295,9 @@ def static_content(sensor, finding, noise, noise_change):
         fitted = sum(len(problem.evidence.columns_of(variants, axis)) for axis in range(3))
         # both alternatives of the noise are equally probable
         comparisons.append(compare_with_noise(groups, log_prior=(0.0, 0.0), fitted=fitted)[1])
-    units = {"bias": OUTPUT[sensor]}
-    content |= residuals_content(problem, units, comparisons, errors, floor, bool(effects))
+    content |= residuals_content(problem, ("bias",), comparisons, errors, floor, bool(effects))
     residual = content["residuals"]["bias"]
+    residual["unit"] = OUTPUT[sensor]
     # the noise was estimated from these residuals, so it may include a missing effect
     too_large = residual["after"] > MARGIN * residual["floor"]
     content["slow_noise"] = bool(too_large and content["verdict"] not in LEFT)

@@ -43,6 +43,9 @@ class StaticProblem:
     scans: ClassVar = {Steps: best_steps}
     # whether a scan is repeated when the base has grown; unit of the held-out errors
     scans_again, error_scale = False, 1.0
+    # the only kind of residual, with its unit and number of components
+    kinds: ClassVar = {"bias": ("output", 1)}
+    why_no_trial = "what it adds in these data is taken up by the bias"
 
     @property
     def folds(self):
@@ -144,18 +147,6 @@ class StaticProblem:
     def of_kind(self, kind):
         """Return the rows of one kind of residual, (N,) of bool: all, since there is one kind."""
         return np.ones(len(self.fold_of_row), dtype=bool)
-
-    def rows_by_kind(self):
-        """Return a list with the rows of each kind of residual, (N,) of bool."""
-        return [self.of_kind("bias")]
-
-    def components(self, kind):
-        """Return the number of rows that make up one residual, 1."""
-        return 1
-
-    def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect could not be tested."""
-        return "what it adds in these data is taken up by the bias"
 
 
 def ratios(span, length):

@@ -57,7 +57,7 @@ def residual_columns(problem, kinds, errors, floor):
     """
     table = {}
     for kind in kinds:
-        rows, k = problem.of_kind(kind), problem.components(kind)
+        rows, k = problem.of_kind(kind), problem.kinds[kind][1]
         columns = []
         for error in errors:
             values = error[rows].reshape(-1, k).T

@@ -137,7 +137,7 @@ class Evidence:
             # of each group: its list of products, one of shape (h, n) for each column, and its rows
             # of the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
-                weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
+                weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0).copy())
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):

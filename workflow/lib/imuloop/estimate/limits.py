@@ -253,7 +253,7 @@ class AxisTest:
         c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit
         v = scale * evidence.held_out_variance(h) / unit[:, 0] ** 2
         # expected d V dᵀ of each row, and d V summed over the rows of each kind of residual
-        kinds = np.array(problem.rows_by_kind()) & (folds[:, 0] >= 0)
+        kinds = np.array([problem.of_kind(kind) for kind in problem.kinds]) & (folds[:, 0] >= 0)
         dVd, by_kind = np.zeros(len(folds)), 0.0
         for fold, inverse in inverses.items():
             rows, V = folds[:, 0] == fold, scale * inverse[base.shape[1] :, base.shape[1] :]

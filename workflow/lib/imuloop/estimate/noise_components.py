@@ -127,6 +127,7 @@ class SizeLikelihood:
 
         A size may be up to `FARTHEST` standard deviations above its prior value.
         """
+        self.components = components
         self.prior_sizes = np.array([c.size for c in components])
         self.deviations = np.array([c.deviation for c in components])
         self.weight = self.deviations**-2.0
