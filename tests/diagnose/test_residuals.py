@@ -6,13 +6,13 @@ import pytest
 from calibrate.devices import recording
 from diagnose.models import pair_of, problem_of
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import (
+from imuloop.estimate.held_out import (
     exceedance_probability,
     fold_fits,
     held_out_covariance,
     rms_norm,
 )
+from imuloop.estimate.least_squares import chi_square
 from imuloop.estimate.verdict import NoiseComparison, above_floor, of_calibration, why_not_shown
 from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth

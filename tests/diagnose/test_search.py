@@ -12,11 +12,11 @@ from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
 from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.candidates import candidates
+from imuloop.diagnose.content import candidates
 from imuloop.diagnose.poses import too_few
 from imuloop.effects.drifts import WarmUp
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.model.effect import Channels, FittedEffect, find_effect
 from imuloop.simulate.truth import example_truth
 

@@ -18,7 +18,7 @@ from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import AT_RESTS, VELOCITY
-from imuloop.factors.velocity import midpoints
+from imuloop.factors.rows import midpoints
 from imuloop.model.effect import Effect
 from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import BIAS, COUNT, State

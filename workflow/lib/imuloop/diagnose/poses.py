@@ -11,8 +11,7 @@ from imuloop.calibrate.contradictions import change
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
-from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.content import untried
+from imuloop.diagnose.content import candidates, untried
 from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.record import PoseResult, diagnose_record, final_solution
 from imuloop.diagnose.steps import pose_step

@@ -9,9 +9,9 @@ from imuloop.diagnose.content import residuals_content, search_content, size_of
 from imuloop.diagnose.tables import residual_columns
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.joint_fit import JointFit
 from imuloop.estimate.least_squares import Fit
-from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import LEFT, ResidualGroup, compare_with_noise, may_lack_effect
 from imuloop.factors.factors import VELOCITY

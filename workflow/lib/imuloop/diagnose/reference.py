@@ -8,8 +8,7 @@ from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_referenc
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.tables import no_tables
-from imuloop.estimate.error_ratio import ratio_interval
-from imuloop.estimate.residuals import rms_norm
+from imuloop.estimate.held_out import ratio_interval, rms_norm
 from imuloop.estimate.verdict import not_testable, verdict
 from imuloop.model.effect import OUTPUT
 

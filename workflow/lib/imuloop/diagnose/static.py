@@ -11,8 +11,7 @@ from scipy.linalg import LinAlgError
 
 from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.content import residuals_content, search_content, untried
+from imuloop.diagnose.content import candidates, residuals_content, search_content, untried
 from imuloop.diagnose.static_means import LONG_REST
 from imuloop.diagnose.static_problem import (
     StaticProblem,
@@ -21,9 +20,9 @@ from imuloop.diagnose.static_problem import (
     information,
 )
 from imuloop.estimate.choice import Choices
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.noise_components import FARTHEST
-from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.verdict import (
     LEFT,
     MARGIN,

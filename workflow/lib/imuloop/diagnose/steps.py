@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.effects.steps import Steps, joined, share_after
-from imuloop.estimate.p_values import log_f_tail
+from imuloop.estimate.axis_fit import log_f_tail
 from imuloop.model.effects import SensorEffect
 
 # least number of windows on either side of a step, and number of times tried within one window

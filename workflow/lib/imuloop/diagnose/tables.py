@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.factors.velocity import midpoints
+from imuloop.factors.rows import midpoints
 
 # errors of a residual: without and with the added effects, held out and in the fit
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")

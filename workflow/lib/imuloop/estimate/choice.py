@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuloop.estimate.error_ratio import ErrorChange, ratio_interval
+from imuloop.estimate.held_out import ErrorChange, ratio_interval
 from imuloop.estimate.search import Search, Trial, kinds_of
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.training_fit import TrainingFit
 
 

@@ -12,9 +12,8 @@ from scipy.linalg import block_diag
 from scipy.special import ncfdtri, ndtri, stdtrit
 
 from imuloop.core.fisher import fisher
-from imuloop.estimate.error_ratio import cut_folds
-from imuloop.estimate.p_values import averaged_log_p
-from imuloop.estimate.residuals import fold_fits
+from imuloop.estimate.axis_fit import averaged_log_p
+from imuloop.estimate.held_out import cut_folds, fold_fits
 from imuloop.estimate.verdict import MARGIN
 
 # log p-value of an axis on which the effect is zero: the median

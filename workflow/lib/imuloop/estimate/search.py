@@ -11,10 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.core.fisher import fisher
-from imuloop.estimate.axis_fit import combined_axes
-from imuloop.estimate.error_ratio import ErrorChange
+from imuloop.estimate.axis_fit import combined_axes, log_p_values
+from imuloop.estimate.held_out import ErrorChange
 from imuloop.estimate.likeness import ONE, share_on_axes
-from imuloop.estimate.p_values import log_p_values
 from imuloop.model.effect import Effect
 
 # two variants are equally significant if their log p differs by less than this share

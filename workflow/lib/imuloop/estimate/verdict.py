@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, softmax
 
+from imuloop.estimate.held_out import exceedance_probability, held_out_covariance
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import exceedance_probability, held_out_covariance
 
 # ratio of held-out error to floor that an error of the floor itself can explain
 MARGIN = 1.25

@@ -7,10 +7,7 @@ import numpy as np
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.factors.covariance import ResidualCovariance
-from imuloop.factors.gravity_norm import gravity_norm
-from imuloop.factors.rest_rate import rest_rate
-from imuloop.factors.rotation import rotation
-from imuloop.factors.velocity import velocity
+from imuloop.factors.rows import gravity_norm, rest_rate, rotation, velocity
 from imuloop.model.state import BIAS
 
 

@@ -9,9 +9,8 @@ from scipy.linalg import LinAlgError
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.held_out import held_out_covariance, ratio_interval
 from imuloop.estimate.least_squares import why_no_fit
-from imuloop.estimate.residuals import held_out_covariance
 from imuloop.model.sensor_calibration import SensorCalibration
 
 try:
