@@ -138,7 +138,7 @@ def test_what_a_gyroscope_lacks_hides_no_effect_of_the_accelerometer():
     for w in (made.poses.w, made.poses.w + excess):
         changed = replace(made, poses=replace(made.poses, w=w))
         variants = variants_of("accelerometer", quadratic)
-        search = Choices(problem_of(pair_of(truth, changed), changed, variants)).search()
+        search = Choices(problem_of(pair_of(truth, changed), changed, variants))
         found.append(search.trial((), *variants).log_p)
     assert found[1] < 0.8 * found[0] < -8
 
@@ -177,7 +177,7 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
     for seed in range(6):
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, variants)
-        search = Choices(problem).search()
+        search = Choices(problem)
         base = search.refine(search.effects_of_kinds((*variants,)))
         x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))

@@ -80,8 +80,8 @@ def search_content(choices, fitted, reasons, sensor):
         ``effects``, the added effects; ``candidates``, all effects with the result of their test;
         and ``confounded``, pairs of effects that these data cannot tell apart.
     """
-    problem, search = choices.problem, choices.search()
-    kinds = [kind for kind in search.kinds if getattr(kind, "sensor", sensor) == sensor]
+    problem = choices.problem
+    kinds = [kind for kind in choices.kinds if getattr(kind, "sensor", sensor) == sensor]
     return {
         "effects": [
             {
@@ -100,7 +100,7 @@ def search_content(choices, fitted, reasons, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, status, why) for cls, (status, why) in reasons.items()),
         ],
-        "confounded": imitations(search, [k for k in kinds if not k.is_formula]),
+        "confounded": imitations(choices, [k for k in kinds if not k.is_formula]),
     }
 
 
@@ -161,21 +161,21 @@ def _candidate(sensor, choices, kind):
 
     `choices` are the Choices: the searches in the record, and the effects that were added.
     """
-    problem, search, choice = choices.problem, choices.search(), choices.choice()
+    problem, choice = choices.problem, choices.choice()
     # the kind is tested with all other added effects in the model
     base = tuple(e for e in choice.effects if e.kind != kind)
     added = [trial for trial in choice.added if trial.effect.kind == kind]
-    trial = added[0] if added else search.trial(base, kind)
+    trial = added[0] if added else choices.trial(base, kind)
     if trial is None:
         # it cannot be estimated next to the base: another effect, or the base model, absorbs it
-        alike, base, trial = masking_effect(search, base, kind), (), search.trial((), kind)
+        alike, base, trial = masking_effect(choices, base, kind), (), choices.trial((), kind)
         if alike is None:
             return untried(kind.name, "not_observable", problem.why_no_trial)
         status, why = "confounded", f"{alike} adds all that it would: they are one in these data"
     else:
         status, why, alike = _status(choices, base, trial)
     power = problem.settings.power
-    limits, units = detection_limits(search, base, trial, power), trial.effect.units(sensor)
+    limits, units = detection_limits(choices, base, trial, power), trial.effect.units(sensor)
     reason = None
     if status == "rejected" and kind not in choice.failed:
         reason = why_not_shown(kind, limits, units)
@@ -183,9 +183,9 @@ def _candidate(sensor, choices, kind):
         status, why, limits = "not_observable", reason, None
     elif not limits:
         # no size would be confirmed by cross-validation: the limit is that of the test alone
-        limits = detection_limits(search, base, trial, power, must_lower_error=False)
-    residual_kind, rows = problem.most_changed_rows(search, base, trial)
-    values, std, _ = search.estimate(base, trial.effect)
+        limits = detection_limits(choices, base, trial, power, must_lower_error=False)
+    residual_kind, rows = problem.most_changed_rows(choices, base, trial)
+    values, std, _ = choices.estimate(base, trial.effect)
     names, heldout = list(trial.effect.parameters), None
     if trial.p_value < problem.settings.significance:
         heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
@@ -212,7 +212,7 @@ def _status(choices, base, trial):
     searches and the added effects, `trial` is the Trial, the significance test, of the candidate,
     and `base` has the added effects without the candidate.
     """
-    search, choice, kind = choices.search(), choices.choice(), trial.effect.kind
+    choice, kind = choices.choice(), trial.effect.kind
     if any(trial is added for added in choice.added):
         return "added", "lowers the residual in the fit and in held-out data", None
     why = "the residual does not fall by more than chance"
@@ -221,10 +221,10 @@ def _status(choices, base, trial):
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
     elif trial.impossible:
         why = f"it would have to be larger than {kind.limit:g}, the most that is possible"
-    elif alike := twin(search, base, kind):
+    elif alike := twin(choices, base, kind):
         why = f"in these data it could stand in for {alike}: neither adds to the other"
         return "confounded", why, alike
-    elif _by_slow_noise(search, base, trial):
+    elif _by_slow_noise(choices, base, trial):
         why = "slow noise that these data do not exclude could look the same"
     return "rejected", why, None
 

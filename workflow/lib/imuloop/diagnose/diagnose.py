@@ -256,29 +256,29 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
         Effects of the static records by sensor: their ranges come from these records, too.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
+    at_poses, in_motion, sensors = {sensor: [] for sensor in SENSORS}, [], {}
     if "accelerometer" in poses.calibrations and force.effects:
+        # effects of the accelerometer depend on the output of the gyroscope
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        # the other sensor's output is what an effect of the accelerometer depends on
-        inputs["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        at_poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
         in_motion = [
             recording.rotation_channels("accelerometer", force.output, aligned, turn.aligned)
         ]
     if "gyroscope" in poses.calibrations and turn.effects:
         at_rest, in_moves = recording.calibrated_force(force)
-        inputs["gyroscope"] = [
+        at_poses["gyroscope"] = [
             recording.pose_channels("gyroscope", turn.output, at_rest),
             recording.rotation_channels("gyroscope", turn.output, in_moves),
         ]
-    for sensor in SENSORS:
-        effects, static_names = [], [effect.name for effect in static_effects[sensor]]
-        model = getattr(calibration, sensor)
+    for sensor, channels in at_poses.items():
+        model, effects = getattr(calibration, sensor), []
+        static_names = [effect.name for effect in static_effects[sensor]]
         for effect in model.effects:
-            channels = inputs[sensor]
+            data = channels
             if sensor == "accelerometer" and "motion" in effect.effect.records:
-                channels = in_motion
+                data = in_motion
             elif effect.name in static_names:
-                channels = channels + [r.channels for r in records[sensor]]
-            effects.append(effect.with_ranges(channels))
+                data = channels + [r.channels for r in records[sensor]]
+            effects.append(effect.with_ranges(data))
         sensors[sensor] = replace(model, effects=tuple(effects))
     return replace(calibration, **sensors)

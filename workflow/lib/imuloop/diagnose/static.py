@@ -100,8 +100,8 @@ class StaticResult:
             if numbers:
                 index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
                 variants = tuple(effects[k].effect for k in numbers)
-                search, base = finding.choices.search(), tuple(e.effect for e in finding.effects)
-                A[np.ix_(index, index)], b[index] = information(search, base, variants)
+                base = tuple(e.effect for e in finding.effects)
+                A[np.ix_(index, index)], b[index] = information(finding.choices, base, variants)
         return A, b
 
 
@@ -232,13 +232,13 @@ def search_records(sensor, records, settings, tests):
         records=tuple(records), variants=variants, settings=settings, tests=tests
     )
     choices = Choices(problem)
-    choice, search = choices.choice(), choices.search()
+    choice = choices.choice()
     # held-out errors without effects, and with effects that are chosen again without each fold
     errors = choices.errors_with(()), choices.errors(choices.nested_choice)
     unconfirmed = [k for k in choice.failed if k.lasting]
-    trial = search.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
-    effects = fitted_effects(search, choice.effects)
-    doubtful = fitted_effects(search, (*choice.effects, trial.effect)) if trial else effects
+    trial = choices.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
+    effects = fitted_effects(choices, choice.effects)
+    doubtful = fitted_effects(choices, (*choice.effects, trial.effect)) if trial else effects
     # the memory of the fits is freed
     problem.evidence.release()
     # the doubtful effects cannot always be estimated together

@@ -37,7 +37,7 @@ def residuals_by_record(search, base, axis):
     training_fit = search.training_fit(base)
     fit, columns = training_fit.fit(base, axis), training_fit.evidence.columns_of(base, axis)
     hypothesis = int(np.argmax(fit.log_probability))
-    matrix = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
+    matrix = training_fit.evidence.matrix((training_fit.evidence.residual_columns[axis], *columns))
     residuals = matrix @ np.append(1.0, -fit.coefficients[hypothesis])
     residuals /= np.sqrt(fit.scale[hypothesis])
     return training_fit.evidence.split(residuals), fit.dof, hypothesis

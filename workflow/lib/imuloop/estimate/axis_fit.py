@@ -10,11 +10,13 @@ from scipy.special import betainc, betaln, softmax
 
 
 @dataclass(frozen=True)
-class ChiSquare:
-    """χ² of a least-squares fit under each of h noise hypotheses, and what follows from it.
+class Fit:
+    """Least squares of one axis, under each of h noise hypotheses.
 
-    A noise hypothesis is one covariance that the noise of the rows may have. An instance may also
-    stand for m fits with the same degrees of freedom: then all arrays (h,) are (h, m).
+    A noise hypothesis is one covariance that the noise of the rows may have. The fit estimates the
+    coefficients of k columns, the derivatives of the residuals by the parameters of effects, each
+    scaled to length one. An instance without coefficients may also stand for m fits with the same
+    degrees of freedom: then all arrays (h,) are (h, m).
     """
 
     chi2: np.ndarray  # (h,): χ² of the residuals
@@ -23,6 +25,10 @@ class ChiSquare:
     log_prior: np.ndarray
     dof: int  # degrees of freedom
     least_scale: float  # lower limit of `scale`
+    # (h, k, k): normal matrix of the columns, each divided by its norm
+    normal: np.ndarray | None = None
+    norms: np.ndarray | None = None  # (h, k): norms of the columns in the metric of the precision
+    coefficients: np.ndarray | None = None  # (h, k): coefficients of the columns
 
     @property
     def scale(self):
@@ -41,20 +47,6 @@ class ChiSquare:
     def log_probability(self):
         """Logarithm of restricted likelihood times prior of each noise hypothesis, (h,)."""
         return self.log_prior - self.loss
-
-
-@dataclass(frozen=True)
-class Fit(ChiSquare):
-    """Least squares of one axis, under each of h noise hypotheses.
-
-    The fit estimates the coefficients of k columns, the derivatives of the residuals by the
-    parameters of effects, each scaled to length one.
-    """
-
-    # (h, k, k): normal matrix of the columns, each divided by its norm
-    normal: np.ndarray
-    norms: np.ndarray  # (h, k): norms of the columns in the metric of the precision
-    coefficients: np.ndarray  # (h, k): coefficients of the columns
 
     @property
     def probability(self):
@@ -159,7 +151,7 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 
     Parameters
     ----------
-    without, with_parameters : ChiSquare
+    without, with_parameters : Fit
         χ² of the fit without and with the parameters, of one fit or of m at once.
     q : int
         Number of parameters.
@@ -192,7 +184,7 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 def log_p_values(pairs, hypotheses=slice(None)):
     """Return the log p-value of the parameters that one of two fits has, a list of float.
 
-    `pairs` is a list of (ChiSquare, ChiSquare): the fit without some parameters and the fit with
+    `pairs` is a list of (Fit, Fit): the fit without some parameters and the fit with
     them. The p-value is averaged over the noise hypotheses in the mask `hypotheses`, (h,) of bool;
     all by default.
     """
@@ -211,11 +203,11 @@ def log_p_values(pairs, hypotheses=slice(None)):
 
 
 def _stack(fits):
-    """Return one ChiSquare of m fits of equal degrees of freedom, with arrays (h, m).
+    """Return one Fit of m fits of equal degrees of freedom, with arrays (h, m).
 
     h is the number of noise hypotheses.
     """
     chi2, log_prior = (
         np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")
     )
-    return ChiSquare(chi2, log_prior, fits[0].dof, fits[0].least_scale)
+    return Fit(chi2, log_prior, fits[0].dof, fits[0].least_scale)

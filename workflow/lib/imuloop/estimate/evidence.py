@@ -239,7 +239,7 @@ class Evidence:
         if held_out not in self._training_fits:
             masks = (np.isin(g.row_folds, list(held_out)).any(axis=1) for g in self.row_groups)
             held_rows = tuple(np.flatnonzero(mask) for mask in masks)
-            self._training_fits[held_out] = TrainingFit(self, held_rows, self.residual_columns)
+            self._training_fits[held_out] = TrainingFit(self, held_rows)
         return self._training_fits[held_out]
 
     def release(self):

@@ -13,6 +13,8 @@ import numpy as np
 SHARE = 8 / 9
 # share from which on two patterns count as the same
 ONE = 0.999
+# columns of length one are linearly dependent if their Gram matrix has such a small eigenvalue
+SINGULAR = 1e-9
 
 
 def share_on_axes(training_fit, first, second):
@@ -51,26 +53,17 @@ def imitated_share(training_fit, first, second):
     # axis 0 stands for all: the noise of the axes differs by a factor only
     hypothesis = training_fit.hypothesis(training_fit.fit((), 0))
     gram = training_fit.products(columns, columns)[hypothesis]
-    roots = [_root(gram[:k, :k]), _root(gram[k:, k:])]
-    if any(root is None for root in roots):
-        return 0.0
-    # singular values between orthonormal columns of both: the least belongs to the largest angle
-    cosines = np.linalg.svd(roots[0] @ gram[:k, k:] @ roots[1].T, compute_uv=False)
-    return float(cosines[-1] ** 2)
-
-
-def _root(gram):
-    """Return R, (k, k), with ``R G Rᵀ = 1`` for the Gram matrix G, (k, k); None if G is singular.
-
-    R makes k columns orthonormal; G has their products.
-    """
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not size.all():
-        return None
-    values, axes = np.linalg.eigh(gram / np.outer(size, size))
-    if values[0] <= 1e-9:
-        return None
-    return (axes / np.sqrt(values)).T / size
+        return 0.0
+    gram = gram / np.outer(size, size)
+    blocks = gram[:k, :k], gram[k:, k:]
+    if min(np.linalg.eigvalsh(block)[0] for block in blocks) <= SINGULAR:
+        return 0.0
+    # singular values between orthonormal columns of both: the least belongs to the largest angle
+    roots = [np.linalg.cholesky(block) for block in blocks]
+    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[k:, :k]).T)
+    return float(np.linalg.svd(mixed, compute_uv=False)[-1] ** 2)
 
 
 def imitations(search, kinds):

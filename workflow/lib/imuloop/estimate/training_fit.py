@@ -37,11 +37,9 @@ class TrainingFit:
 
     evidence: object  # the Evidence with all rows
     held_rows: tuple  # for each group, indices of the rows that depend on a held-out fold
-    residual_columns: tuple  # for each axis, number of the column that holds its residuals
-    # by column number: its corrections, (h, u) for each group
-    _corrections: dict = field(default_factory=dict)
-    # by column number: its square by the first hypothesis, with the nuisance parameters in it
-    _squares: dict = field(default_factory=dict)
+    # by column number: its corrections, (h, u) for each group, and its square by the first
+    # hypothesis, with the nuisance parameters in it
+    _columns: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
 
     @cached_property
@@ -125,7 +123,7 @@ class TrainingFit:
         A correction is the vector t with ``xᵀ P̃ y = xᵀ P y - t_x·t_y`` under each of h noise
         hypotheses, where P̃ projects u parameters out. `columns` are the numbers of the columns.
         """
-        return np.stack([self._corrections[c][i] for c in columns], axis=1)
+        return np.stack([self._columns[c][0][i] for c in columns], axis=1)
 
     def _add_columns(self, columns):
         """Compute and store the corrections and squares of columns that have none yet.
@@ -136,7 +134,7 @@ class TrainingFit:
         the part of |t|² by the held-out rows, under the first noise hypothesis: with it a column is
         compared that the nuisance parameters and other columns may explain.
         """
-        new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
+        new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
             return
         by_group, squares, all_squares = [], 0.0, 0.0
@@ -150,13 +148,13 @@ class TrainingFit:
         # a column that is zero in all training rows has a square of rounding errors only: with an
         # infinite square it counts as dependent
         squares = np.where(squares > ROUNDING * all_squares, squares, np.inf)
-        self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
-        self._squares |= dict(zip(new, squares.tolist(), strict=True))
+        for k, column in enumerate(new):
+            self._columns[column] = [t[:, k] for t in by_group], squares[k]
 
     def release(self):
         """Delete the stored fits and products of columns; they are recomputed if needed."""
-        for store in (self._fits, self._corrections, self._squares):
-            store.clear()
+        self._fits.clear()
+        self._columns.clear()
 
     def apply_precision(self, i, hypothesis, columns):
         """Return ``P̃ X``, (n, k), of the part X of k columns, (n, k), in the n rows of group i.
@@ -222,7 +220,7 @@ class TrainingFit:
             the derivatives by the parameters of the effects (columns) are linearly dependent, or
             if there are as many columns as rows.
         """
-        axes, columns_of = range(len(self.residual_columns)), self.evidence.columns_of
+        axes, columns_of = range(len(self.evidence.residual_columns)), self.evidence.columns_of
         # by the base's columns and the number q of further columns: for each set of further columns
         # the fits that have it, as (axis, index of the addition)
         fits, groups = [[None] * len(additions) for _ in axes], {}
@@ -260,13 +258,13 @@ class TrainingFit:
             dependent.
         """
         # number of axes, of sets, of further columns, and of all columns of a fit
-        axes, (count, q) = len(self.residual_columns), sets.shape
+        axes, (count, q) = len(self.evidence.residual_columns), sets.shape
         k = len(shared) + q
         dof = self.free_rows - k
         if dof < 1:
             return [None] * count
         # products of residuals, shared columns and the columns of each set, (h, s, a + k, a + k)
-        common = (*self.residual_columns, *shared)
+        common = (*self.evidence.residual_columns, *shared)
         products, c = self.products(common, (*common, *sets.ravel().tolist())), len(common)
         gram = np.empty((len(products), count, c + q, c + q))
         gram[:, :, :c, :c] = products[:, None, :, :c]
@@ -278,7 +276,9 @@ class TrainingFit:
         normal, moment = gram[:, :, axes:, axes:], gram[:, :, axes:, :axes]
         total = np.einsum("hsaa->hsa", gram[:, :, :axes, :axes])
         # dependent columns, and a nearly singular matrix, give no fit
-        squares = np.array([[self._squares[c] for c in (*shared, *row)] for row in sets.tolist()])
+        squares = np.array(
+            [[self._columns[c][1] for c in (*shared, *row)] for row in sets.tolist()]
+        )
         norms = np.sqrt(np.maximum(np.einsum("hskk->hsk", normal), 0.0))
         independent = np.all(norms[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
         norms = np.where(norms > 0, norms, 1.0)
@@ -341,7 +341,7 @@ class TrainingFit:
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
             # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
             # them
-            t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
+            t = self.corrections(i, (self.evidence.residual_columns[axis], *columns))[index]
             # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
         return nuisances, coefficients
@@ -356,7 +356,11 @@ class TrainingFit:
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
         fitted = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
         columns = self.evidence.matrix(self.evidence.columns_of(effects, axis))
-        return self.evidence.columns[self.residual_columns[axis]] - fitted - columns @ coefficients
+        return (
+            self.evidence.columns[self.evidence.residual_columns[axis]]
+            - fitted
+            - columns @ coefficients
+        )
 
     def estimate(self, effects, axis):
         """Return the coefficients, (k,), of the effects' k columns and their covariance, (k, k).
