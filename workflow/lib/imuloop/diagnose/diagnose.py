@@ -96,29 +96,21 @@ def diagnose_device(
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # Static records come first: the poses get their effects, and the noise without these effects.
-    # A long rest in the log of the poses gives no effects: the poses themselves show them better.
+    # static records come first: the poses get their effects, and the noise without these effects
     static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
-    has_static_session = "static" in data.kinds.values()
-    static_effects, information = (), None
-    if has_static_session:
-        has_temperature, information = recording.poses.temperature is not None, static.information
-        static_effects = tuple(
-            e for e in static.sensor_effects if has_temperature or "temperature" not in e.needs
-        )
     # this noise is also without a ramp, which poses do not have but which would add slow noise
-    noise = static.noise
+    noise, has_static_session = static.noise, "static" in data.kinds.values()
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns)
-    problem = None
-    if joint_fit:
-        problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
+    # a long rest in the log of the poses gives no effects: the poses themselves show them better
+    shown = static if has_static_session else None
+    problem = joint_fit and pose_problem(joint_fit, recording, settings, tests, shown)
     poses = diagnose_poses(problem, reasons)
     # a sensor whose data contradict each other keeps its nominal scale
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
-    motion = diagnose_motion(poses, recording, settings, tests, information)
+    motion = diagnose_motion(poses)
     bias_held = calibrate_settings.gyroscope_bias == "initial_rest"
     calibration = combine_calibrations(base, poses, static, records, has_static_session, bias_held)
     calibration = replace(calibration, **motion.calibrations)

@@ -90,30 +90,23 @@ def motion_products(sensor):
     return tuple(product for product in every_product if "motion" in product.records)
 
 
-def diagnose_motion(poses, recording, settings, tests, information=None):
+def diagnose_motion(poses):
     """Search for effects in the moves of a device, and judge the velocities that remain.
 
     Parameters
     ----------
     poses : PoseResult
-        The diagnosis at the poses, with the fit to start from.
-    recording : Recording
-        Poses and moves.
-    settings : DiagnoseSettings
-    tests : int
-        Number of tests of the other records, which share the significance.
-    information : callable, optional
-        Function that takes effects and returns the Fisher information of the static records about
-        their q parameters, (q, q), and its moment, (q,).
+        The diagnosis at the poses, with the problem and the fit to start from.
 
     Returns
     -------
     PoseResult
         It has calibrations if an effect was added.
     """
-    joint_fit, solution = poses.joint_fit, poses.solution
-    if solution is None or set(joint_fit.estimated) != set(SENSORS):
+    problem, solution = poses.problem, poses.solution
+    if solution is None or set(problem.joint_fit.estimated) != set(SENSORS):
         return no_result("the poses do not determine both sensors")
+    recording, settings = problem.recording, problem.settings
     if recording.slow_force:
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return no_result(f"{why} two of its samples: log both at one rate")
@@ -127,22 +120,20 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     usable = (knock <= SPOILED) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
     if usable.sum() < LEAST_MOVES:
         return no_result(_too_few_moves(recording, usable, knock, lossy, tilted), columns)
-    state, factors = State(solution.x, solution.effects), replace(joint_fit.factors, quiet=usable)
-    factors = factors.without_rotation(recording, state, joint_fit.noise)
-    joint_fit = replace(joint_fit, factors=factors, start=start)
+    state = State(solution.x, solution.effects)
+    factors = replace(problem.joint_fit.factors, quiet=usable)
+    factors = factors.without_rotation(recording, state, problem.joint_fit.noise)
     variants = candidates_in_motion(kinds_of(solution.effects))
-    tests += settings.family * len(variants)
-    # the last entry, at index -1, is the fold of the poses: none
-    folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
     problem = MotionProblem(
-        joint_fit=joint_fit,
+        joint_fit=replace(problem.joint_fit, factors=factors, start=start),
         recording=recording,
         variants=variants,
         settings=settings,
-        tests=tests,
-        fold_of_pose=folds,
+        tests=problem.tests + settings.family * len(variants),
+        # the last entry, at index -1, is the fold of the poses: none
+        fold_of_pose=np.append(interleaved_folds(len(usable), settings.folds), -1),
         nuisance_effects=solution.effects,
-        information=information,
+        static=problem.static,
     )
     try:
         # the same residuals judge both sensors

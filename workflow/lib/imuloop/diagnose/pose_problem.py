@@ -81,9 +81,10 @@ class PoseProblem:
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
     fold_of_pose: np.ndarray
     nuisance_effects: tuple = ()  # effects that other records showed; every fit estimates them
-    # function that takes effects and returns the Fisher information of static records about θ,
-    # their parameters: A and b, the logarithm of whose likelihood is ``-θᵀ A θ/2 + bᵀ θ``
-    information: object = None
+    # StaticResult of the static records; its `information` takes effects and returns the Fisher
+    # information about θ, their parameters: A and b, the logarithm of whose likelihood is
+    # ``-θᵀ A θ/2 + bᵀ θ``. None if no static record counts
+    static: object = None
     # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict, repr=False)
@@ -105,14 +106,14 @@ class PoseProblem:
         θ are the q parameters of an effect. The value is a dict of R, (s, q), by effect, and z,
         (s,). For the Fisher information A and the moment b, ``Rᵀ R = A`` and ``Rᵀ z = b``.
         """
-        if self.information is None:
+        if self.static is None:
             return {}, np.zeros(0)
         # static records have too few attitudes to show formulas
         named = (variants for kind, variants in self.variants.items() if not kind.is_formula)
         effects = self.nuisance_effects + tuple(
             s for variants in named for s in variants if "temperature" in s.needs and not s.timed
         )
-        information, moment = self.information(effects)
+        information, moment = self.static.information(effects)
         # parameters have different units: each is scaled so that its information is one
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0

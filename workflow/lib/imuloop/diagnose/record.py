@@ -1,16 +1,16 @@
 """Diagnosis of one kind of record: search for effects, and residuals compared with their floor."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from imuloop.core.errors import plural
 from imuloop.diagnose.content import residuals_content, search_content, size_of
+from imuloop.diagnose.pose_problem import PoseProblem
 from imuloop.diagnose.tables import residual_columns
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.held_out import held_out_covariance
-from imuloop.estimate.joint_fit import JointFit
 from imuloop.estimate.least_squares import Fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import LEFT, ResidualGroup, compare_with_noise, may_lack_effect
@@ -30,7 +30,7 @@ class PoseResult:
     """The diagnosis of both sensors at the poses, or in motion."""
 
     contents: dict  # content of diagnosis.json, by sensor
-    joint_fit: JointFit | None = None  # None if the poses determine no sensor
+    problem: PoseProblem | None = None  # None if the poses determine no sensor
     # the fit with the added effects; None if nothing could be fitted
     solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
@@ -61,25 +61,28 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     -------
     PoseResult
     """
-    result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
-    for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
+    choices, formulas_by_kind = Choices(problem), {}
+    contents, columns = judge_residuals(choices, kinds_by_sensors)
+    for sensor in (s for s, content in contents.items() if may_lack_effect(content)):
         if variants := formulas(sensor):
             kind = EffectKind(Product, sensor)
             formulas_by_kind[kind] = tuple(SensorEffect(variant, sensor) for variant in variants)
     if formulas_by_kind:
         choices = Choices(problem.with_formulas(formulas_by_kind))
-        result = judge_records(choices, kinds_by_sensors)
+        contents, columns = judge_residuals(choices, kinds_by_sensors)
+    effects = choices.choice().effects
+    solution, calibrations = final_solution(problem, effects)
     # the added effects with their parameters, in the order in which they were added
-    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
-    added = [fitted[e.sensor, e.effect] for e in result.choices.choice().effects]
+    fitted = {(s, f.effect): f for s, c in calibrations.items() for f in c.effects}
+    added = [fitted[e.sensor, e.effect] for e in effects]
     contents = {
-        sensor: content | search_content(result.choices, added, reasons.get(sensor, {}), sensor)
-        for sensor, content in result.contents.items()
+        sensor: content | search_content(choices, added, reasons.get(sensor, {}), sensor)
+        for sensor, content in contents.items()
     }
-    return replace(result, contents=contents)
+    return PoseResult(contents, problem, solution, calibrations, choices, columns)
 
 
-def judge_records(choices, kinds_by_sensors):
+def judge_residuals(choices, kinds_by_sensors):
     """Compare the residuals of a record with their floors, the errors that noise alone gives.
 
     Parameters
@@ -91,8 +94,10 @@ def judge_records(choices, kinds_by_sensors):
 
     Returns
     -------
-    PoseResult
-        Its contents have the verdict and the residuals by sensor, but no effects and candidates.
+    dict of str to dict
+        By sensor, the fields of diagnosis.json about the residuals.
+    dict of str to ndarray
+        Columns of all kinds of residuals for poses.parquet or moves.parquet.
     """
     # held-out errors, for which the effects are chosen again without each fold
     errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
@@ -100,15 +105,7 @@ def judge_records(choices, kinds_by_sensors):
         content, columns_of_kinds = judge_sensors(choices, sensors, kinds, errors)
         contents |= dict.fromkeys(sensors, content)
         columns |= columns_of_kinds
-    solution, calibrations = final_solution(choices.problem, choices.choice().effects)
-    return PoseResult(
-        contents=contents,
-        joint_fit=choices.problem.joint_fit,
-        solution=solution,
-        calibrations=calibrations,
-        choices=choices,
-        residuals=columns,
-    )
+    return contents, columns
 
 
 def judge_sensors(choices, sensors, kinds, errors):
@@ -162,7 +159,7 @@ def judge_sensors(choices, sensors, kinds, errors):
             entry[f"in_sample_{when}"] = size_of(problem, kind, in_sample)
     if "rotation" in kinds:
         entry = content["residuals"]["rotation"]
-        entry |= undersampled(problem, after.solution, entry["floor"])
+        entry |= undersampled(problem, after, entry["floor"])
     significance = problem.settings.residual_significance
     content["slow_noise"] = content["verdict"] not in LEFT and any(
         comparison.p_value_as_estimated < significance
@@ -213,7 +210,7 @@ def compare_rows(problem, linearization, kinds, errors):
     return compare_with_noise([group], log_prior)
 
 
-def undersampled(problem, solution, floor):
+def undersampled(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
     Both errors come from the noise as estimated.
@@ -221,7 +218,7 @@ def undersampled(problem, solution, floor):
     Parameters
     ----------
     problem : PoseProblem
-    solution : Fit
+    linearization : Linearization
         The fit of all poses.
     floor : float
         Held-out error of the rotations that the noise alone gives, rad. It limits both errors
@@ -230,21 +227,19 @@ def undersampled(problem, solution, floor):
     Returns
     -------
     dict
-        One field, ``undersampled``, or none. It has the ``error`` by sampling and that of all
+        One field, ``undersampled``, or none. It has the ``error`` by sampling and the error by all
         ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
         be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
     """
-    joint_fit, recording = problem.joint_fit, problem.recording
-    rotations = recording.rotations
+    rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():
         return {}
-    noise, variances = joint_fit.linearise(solution, recording).noise, []
-    for aliasing in (True, False):
-        covariance = noise.by(joint_fit.noise, aliasing)
-        # the last rows are those of the rotations, two each
-        variances.append(np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations))
-    total, others = variances
-    sampling = min(total, floor**2) - others
+    # the last rows belong to the rotations, two each
+    others, sampling = (
+        np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations)
+        for covariance in (noise.by(problem.joint_fit.noise, aliasing=False), noise.of_aliasing())
+    )
+    sampling = min(others + sampling, floor**2) - others
     if sampling <= others:
         return {}
     rate = 1 / np.median(rotations.steps[rotations.steps > 0])

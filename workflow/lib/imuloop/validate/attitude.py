@@ -121,9 +121,7 @@ def held_out_models(diagnosed, problem):
     raw, base_problem = replace(calibration, **nominal), problem
     if problem.nuisance_effects:
         # the base model lacks the effects that static records showed, too
-        base_problem = replace(
-            problem, nuisance_effects=(), information=None, _fits={}, _columns={}
-        )
+        base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
         """Return the Calibration by a fit of effects to the poses outside the blocks `held_out`."""
