@@ -182,7 +182,7 @@ def _candidate(sensor, choices, kind):
     if reason:
         status, why, limits = "not_observable", reason, None
     elif not limits:
-        # no size would be confirmed by cross-validation: the limit is that of the test alone
+        # no size would be confirmed by cross-validation: the limit comes from the test alone
         limits = detection_limits(choices, base, trial, power, must_lower_error=False)
     residual_kind, rows = problem.most_changed_rows(choices, base, trial)
     values, std, _ = choices.estimate(base, trial.effect)

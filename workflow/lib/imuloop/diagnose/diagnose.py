@@ -42,7 +42,7 @@ class Diagnosed:
 
     content: dict  # content of diagnosis.json without the next steps
     calibration: Calibration  # the model with the added effects
-    # Allan table after subtracting the effects, by session; empty if there are none
+    # Allan table after subtracting the effects, by session; empty without effects
     allan: dict
     noise: NoiseModel  # noise after subtracting the effects of the static records
     poses: PoseResult

@@ -27,7 +27,7 @@ from imuloop.model.state import BIAS, COUNT, State
 LEAST_MOVES = 10
 # m/s; largest velocity that a usable move may lose between two samples: half a g at 100 Hz
 SPOILED = 0.05
-# largest velocity that dropped samples of a usable move may hide, over that of the noise
+# largest velocity that dropped samples of a usable move may hide, over the velocity by noise
 HIDDEN = 0.25
 SOFTER = (
     "low-pass the accelerometer below half the rate, turn in one to two seconds and set the device "

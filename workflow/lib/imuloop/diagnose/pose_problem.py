@@ -127,8 +127,8 @@ class PoseProblem:
     def prior(self, effects):
         """Return R, (k, p), and z, (k,): ``R x - z`` has mean 0 and variance 1 before the fit.
 
-        x are the p parameters of a fit: those of the base model, whose prior has the first rows,
-        and those of `effects`, about which static records tell in the other rows.
+        x are the p parameters of a fit. The first rows are the prior of the base model; the other
+        rows hold the knowledge from static records about the parameters of `effects`.
         """
         (R_base, z_base), (R_by_effect, z) = self.joint_fit.known, self.static_rows
         R = [R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
@@ -238,7 +238,7 @@ class PoseProblem:
         likelihood = SizeLikelihood(jacobian, fixed, [*slow, *excess])
         likeliest = likelihood.maximise(values)
         hypotheses, as_estimated = kind_hypotheses([*slow, *excess], likelihood, likeliest)
-        # the nuisance parameters are those of the fit without `effects`
+        # the nuisance parameters are all parameters of the fit without `effects`
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         group = RowGroup(
             values=-values[:, None],
@@ -337,7 +337,7 @@ class PoseProblem:
         """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
         It is the average over the noise hypotheses, the covariances that the noise may have,
-        weighted by their probability. The covariance under one hypothesis is that of generalised
+        weighted by their probability. The covariance under one hypothesis follows from generalised
         least squares, times the reduced χ² if that is above one, plus the square of the difference
         between the solution under this hypothesis and the fit. The constants of the effects, such
         as time constants, are uncertain too: their logarithms count as further parameters with a

@@ -107,7 +107,7 @@ def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
     If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
-    itself. If those of the accelerometer do, neither sensor gets a calibration, because the
+    itself. If the data of the accelerometer do, neither sensor gets a calibration, because the
     gyroscope needs the directions of gravity.
 
     Parameters

@@ -134,9 +134,9 @@ def _by_session(set_up, windows, logs, calibration):
     """Return bias b and mounting, a rotation vector m, rad, for each session.
 
     The bias is in nominal SI: raw readings by the nominal scale. The mounting rotates from the axes
-    of the IMU to those of the tracked body. The result has the fields of diagnosis.json by name of
-    the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs` has
-    the ReferenceLog of each session, and `calibration` is the SensorCalibration.
+    of the IMU to the axes of the tracked body. The result has the fields of diagnosis.json by name
+    of the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs`
+    has the ReferenceLog of each session, and `calibration` is the SensorCalibration.
     """
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))

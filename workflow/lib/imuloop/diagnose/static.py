@@ -66,7 +66,7 @@ class StaticResult:
     effects: dict  # FittedEffects that a calibration can have, by sensor
     # noise estimated after subtracting the effects, doubtful ones too
     noise: NoiseModel
-    # Allan table after subtracting the effects, by session; empty if there are none
+    # Allan table after subtracting the effects, by session; empty without effects
     allan: dict = field(default_factory=dict)
     # StaticFinding of each sensor that could be tested
     findings: dict = field(default_factory=dict)
@@ -164,7 +164,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     for sensor, axes in SENSORS.items():
         used = usable_records(records[sensor], settings)
         if sensor == "accelerometer" and used:
-            # a disturbance that tilts the device changes the specific force: it is no effect
+            # a disturbance that tilts the device changes the specific force, which is not an effect
             used = cut_at_tilts(used, 2 * settings.blocks)
         reason = why_untestable(used, [noise.axes[name] for name in axes], settings)
         try:

@@ -212,9 +212,9 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as those of a fit of the effects to the records: it is the largest ratio of
-    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
-    the noise hypotheses, the covariances that the noise may have.
+    as large as the errors of a fit of the effects to the records: it is the largest ratio of ``dᵀ
+    P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over the
+    noise hypotheses, the covariances that the noise may have.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def information(search, base, effects):
         fit = training_fit.fit(base, axis)
         columns = np.column_stack([design[:, axis] / size, values[:, axis]])
         products, variance = training_fit.moments(fit, columns)
-        # the last column is that of the values
+        # the last column has the values
         square, variance = np.diag(products)[:-1], np.diag(variance)[:-1]
         shown = square > ABSORBED * square.max()
         if shown.any():
@@ -261,8 +261,8 @@ def information(search, base, effects):
 def cut_at_tilts(records, least):
     """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
-    A tilt changes the means of an accelerometer, and it is no effect of the sensor. A record is cut
-    at a disturbance if the means before and after it differ by more than the noise, slow noise
+    A tilt changes the means of an accelerometer, but it is not an effect of the sensor. A record is
+    cut at a disturbance if the means before and after it differ by more than the noise, slow noise
     included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
     is left out. A record has the means over windows of one rest.
     """
@@ -303,7 +303,7 @@ def is_tilt(jump, level):
 
     `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
     ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. Three standard
-    errors are allowed. A jump along gravity is no tilt.
+    errors are allowed. A jump along gravity is not a tilt.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)

@@ -51,7 +51,8 @@ def residual_columns(problem, kinds, errors, floor):
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
-        Four errors of each row: held out without and with the added effects, then those of the fit.
+        Four errors of each row: held out without and with the added effects, then in the fit
+        without and with them.
     floor : ndarray, shape (N,)
         Variance of the held-out errors that the noise alone gives.
     """

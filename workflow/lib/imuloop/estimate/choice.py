@@ -59,7 +59,7 @@ class Choices(Search):
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
-            # each fold has a fit of its own, and all together need much memory
+            # each fold has its own fit, and all together need much memory
             search.training_fit(effects).release()
         return errors
 
@@ -102,7 +102,7 @@ class Choices(Search):
         -------
         tuple of Effect
             `effects`, which are in the model already, and the next ones; `effects` itself if none
-            lowers the held-out errors for certain.
+            lowers the held-out errors with confidence.
         dict
             The effects that were tried and failed: by kind, the 95 % interval, [low, high], of the
             ratio of held-out errors with the effect to those without.
@@ -146,7 +146,7 @@ class Choices(Search):
             the 95 % interval of the effect's error ratio under its kind.
         """
         trials = {}
-        # effects of time are removed first, before those of temperature
+        # effects of time are removed before effects of temperature
         for effect in sorted(effects, key=lambda e: not e.after_temperature):
             other_effects = tuple(e for e in effects if e is not effect)
             trial = self.test(other_effects, effect)
@@ -167,7 +167,7 @@ class Choices(Search):
         """Return the ErrorChange from a model with `effects` to one with the `extended` effects.
 
         `trial` is the Trial of an effect that only the second model has. The ratio of held-out
-        errors is that of the axis on which the trial has the smallest p-value. If this axis does
+        errors is taken on the axis on which the trial has the smallest p-value. If this axis does
         not show that the errors fall, but all axes together do, it is the ratio of all axes, with
         the errors of each axis divided by their root mean square without the effect.
         """
@@ -176,7 +176,7 @@ class Choices(Search):
             before, after = (self.errors_with(kinds_of(e)) for e in (effects, extended))
         except np.linalg.LinAlgError:
             # with few folds, the rows without one of them may not determine the parameters: then
-            # the errors do not fall for certain
+            # the errors do not fall with confidence
             empty = np.zeros((0, 1))
             return ErrorChange(residual_kind="", before=empty, after=empty, ratio=[np.inf, np.inf])
         # the kind of residual, as rotations, that the effect changes most, and the mask of its rows

@@ -123,7 +123,7 @@ class Evidence:
         """
         new, numbers = [], []
         for vector in vectors:
-            # equal columns, as of a parameter that acts alike on all axes, are stored once
+            # equal columns are stored once: a parameter may act in the same way on all axes
             key = vector.tobytes()
             if key not in self._numbers:
                 self._numbers[key] = len(self._numbers)
@@ -186,7 +186,8 @@ class Evidence:
         Returns
         -------
         ndarray, shape (k,) of int
-            For each of their k columns the index of its parameter among those of all `effects`.
+            For each of their k columns the index of its parameter in the list of all parameters of
+            `effects`.
         ndarray, shape (k,)
             The norm that each column was divided by: its coefficient is the parameter times this.
         """

@@ -136,7 +136,7 @@ class ErrorChange(NamedTuple):
 def ratio_interval(fold_of_row, before, after):
     """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
 
-    The standard error is that of the mean of the jackknife's pseudo-values. Each pseudo-value comes
+    The standard error belongs to the mean of the jackknife's pseudo-values. Each pseudo-value comes
     from the ratio of all folds but one. A fold with m times the mean change of the squared errors
     is cut into m folds before, as a jackknife needs several folds that change. The interval uses
     Student's t, with one degree of freedom less than there are folds. It is zero to infinity if

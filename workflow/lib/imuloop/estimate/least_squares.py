@@ -105,7 +105,7 @@ def fit(linearise, x0, covariance, prior=None, first=None):
         return last[0][1]
 
     def residual(x):
-        """Return the whitened residuals and those of the prior, (n + k,), of variance one."""
+        """Return the whitened residuals and the prior's residuals, (n + k,), of variance one."""
         return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
@@ -129,7 +129,7 @@ def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
     The p parameters are fitted again to all residuals, by one linear step, as the weights may
-    differ from those of the fit that gave the residuals.
+    differ from the weights of the fit that gave the residuals.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def chi_square(values, covariance, jacobian, groups):
         # rounding can make the square of constant residuals negative
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
-    # whitened residuals without what the parameters explain
+    # whitened residuals without the part that the parameters explain
     rest = white[:, 0] - q @ (q.T @ white[:, 0])
     likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
     return squares, float(likelihood)

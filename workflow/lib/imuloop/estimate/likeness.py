@@ -20,9 +20,9 @@ SINGULAR = 1e-9
 def share_on_axes(training_fit, first, second):
     """Return the share of the first effect that the second one imitates, a float from 0 to 1.
 
-    The share is that of the square of the first effect which the second one explains, whatever the
-    parameters of the first. It is taken on the axis with the least share, of those on which the
-    first effect acts. `training_fit` is the TrainingFit of the rows.
+    The second effect explains at least this share of the square of the first one, for any
+    parameters of the first. The share is taken on the axis with the least share, of those on which
+    the first effect acts. `training_fit` is the TrainingFit of the rows.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; without columns an effect does not act
@@ -35,10 +35,10 @@ def imitated_share(training_fit, first, second):
 
     The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
     derivatives of all rows with respect to their parameters, after the nuisance parameters, which
-    every fit has, are projected out. The second effect explains at
-    least this share of the square of the first one, whatever the parameters of the first. The share
-    is zero if the second has fewer columns. Products of columns are weighted with the inverse of
-    the noise covariance that is likeliest without effects.
+    every fit has, are projected out. The second effect explains at least this share of the square
+    of the first one, for any parameters of the first. The share is zero if the second has fewer
+    columns. Products of columns are weighted with the inverse of the noise covariance that is
+    likeliest without effects.
 
     Parameters
     ----------

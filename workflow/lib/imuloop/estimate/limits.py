@@ -33,10 +33,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     """Return the least size of each parameter of an effect that these data would show.
 
     For each limit the data are assumed to have the effect with this one parameter. The time
-    constant or width in the data differs by the factor `BETWEEN` from that of the tested effect,
-    as the true one lies between two values of the grid that is searched. The limit is the least of
-    the `SIZES` that passes the significance test with the probability `power` and lowers the
-    held-out error with confidence. Both conditions are computed from expected values, without
+    constant or width in the data differs by the factor `BETWEEN` from the constant of the tested
+    effect, as the true one lies between two values of the grid that is searched. The limit is the
+    least of the `SIZES` that passes the significance test with the probability `power` and lowers
+    the held-out error with confidence. Both conditions are computed from expected values, without
     random data. For an effect that slow noise imitates, the noise is estimated again with the
     effect in the data.
 
@@ -152,11 +152,11 @@ class AxisTest:
     def passes(self, sizes):
         """Return which sizes pass the test with the probability `power`, (s, q) of bool.
 
-        Under each noise hypothesis the F statistic of the test has the noncentrality
-        ``size² drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated
-        factor on the covariance of the noise. The lower quantile of F gives the p-value that is
-        reached with the probability `power`. These p-values are averaged over the hypotheses, and
-        combined with those of the other axes by Fisher's method.
+        Under each noise hypothesis the F statistic of the test has the noncentrality ``size²
+        drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated factor
+        on the covariance of the noise. The lower quantile of F gives the p-value that is reached
+        with the probability `power`. These p-values are averaged over the hypotheses, and combined
+        with the p-values of the other axes by Fisher's method.
         """
         without, fit = self.fits
         # number of parameters that the effect adds

@@ -47,10 +47,8 @@ def total_covariance(fixed, components, sizes):
     `fixed` is the part Σ₀ of known size, (n, n). `components` are the Components, whose covariance
     at size one is V_k, (n, n), and `sizes` are their sizes s_k.
     """
-    covariance = np.array(fixed)
-    for size, component in zip(sizes, components, strict=True):
-        covariance += size**2 * component.covariance
-    return covariance
+    parts = (size**2 * c.covariance for size, c in zip(sizes, components, strict=True))
+    return sum(parts, start=fixed)
 
 
 def likely_sizes(values, jacobian, fixed, components, start=None):

@@ -51,7 +51,8 @@ def _of_temperature(effect):
 class Trial:
     """The significance test of one effect added to a model.
 
-    Of the variants of the effect, which differ in the values of its constants, it has the best one.
+    The effect has variants, which differ in the values of its constants; the best variant was
+    tested.
     """
 
     effect: Effect  # the best variant
@@ -156,7 +157,7 @@ class Search:
         It is None if the base has the kind, or if no variant can be estimated. Most kinds have a
         list of variants. A kind with too many, such as steps at any time, has a scan, a function
         that finds the best one. With `may_give_up` the result is also None if the scan stops early,
-        because its first step is no clearer than chance.
+        because its first step is not clearer than chance.
         """
         if kind in kinds_of(base):
             return None
@@ -232,7 +233,7 @@ class Search:
             index, scale = training_fit.evidence.parameters_of((effect,), axis)
             fit = training_fit.fit((*base, effect), axis) if len(index) else None
             if fit is not None:
-                # the last coefficients are those of the effect; each is a parameter times `scale`
+                # the last coefficients belong to the effect; each is a parameter times `scale`
                 coefficients, covariance = (x[..., -len(index) :] for x in fit.average())
                 covariance = covariance[-len(index) :] / np.outer(scale, scale)
                 estimates.append((index, coefficients / scale, covariance))
@@ -259,9 +260,9 @@ class Search:
         """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if the size of its log p is at least half that
-        of the other's (`AS_CLEARLY`), as the log shows its cause. Formulas, effects without a known
-        cause, are tried if no other effect passes. `base` has the effects in the model.
+        an effect of time or of the past temperature if its log p has at least half the size
+        (`AS_CLEARLY`) of the other's log p, as the log shows its cause. Formulas, effects without a
+        known cause, are tried if no other effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
@@ -271,7 +272,7 @@ class Search:
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
         one of time or of the past temperature if the size of its log p is at least the share
-        `AS_CLEARLY` of that of the other's. `base` has the effects in the model.
+        `AS_CLEARLY` of the size of the other's log p. `base` has the effects in the model.
         """
         trials = [self.trial(base, kind, may_give_up=True) for kind in kinds]
         passing = [
@@ -324,8 +325,9 @@ class Search:
     def refine(self, effects):
         """Return the effects with refined constants, a tuple.
 
-        The search takes the constants, such as a time constant, from a grid. Here those of one
-        effect after the other are multiplied or divided by the `FACTORS` if the likelihood rises.
+        The search takes the constants, such as a time constant, from a grid. Here the constants of
+        one effect after the other are multiplied or divided by the `FACTORS` if the likelihood
+        rises.
         """
         for i, effect in enumerate(effects):
             other_effects = effects[:i] + effects[i + 1 :]

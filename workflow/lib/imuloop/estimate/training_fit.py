@@ -3,7 +3,7 @@
 A row is one scalar residual. A noise hypothesis is one of h covariances that the noise of the rows
 may have. A column is the derivative of all rows with respect to one parameter of an effect, on one
 axis. Nuisance parameters, as the level of each record, are in every fit. A fold has the rows that
-cross-validation holds out together; the training rows are those of no held-out fold.
+cross-validation holds out together; the training rows are all others.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ ROUNDING = 1e-12
 
 @dataclass
 class TrainingFit:
-    """Least squares of the training rows, which are all rows but those of held-out folds.
+    """Least squares of the training rows, which are all rows outside the held-out folds.
 
     All products of columns use P̃, the inverse of the covariance of the training rows after the
     nuisance parameters, which are in every fit, are projected out. For columns x and y of a group
@@ -47,9 +47,9 @@ class TrainingFit:
         """For each group of rows R, (h, u, u), upper triangular, with ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
         U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
-        unit vector for each held-out row: with a parameter of its own, the row has no influence.
-        Then it has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse
-        of the covariance of the rows under each of h noise hypotheses.
+        unit vector for each held-out row: with its own parameter, the row has no influence. Then it
+        has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse of the
+        covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
         groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
@@ -89,11 +89,11 @@ class TrainingFit:
     def products(self, first, second):
         """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), under h noise hypotheses.
 
-        `first` has the numbers, in the Evidence, of the k columns Y, and `second` those of the m
-        columns Z. P̃ is the precision of the training rows without the nuisance parameters. A
-        product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all groups of rows.
-        P is the precision of all rows of a group; U has a unit vector for each held-out row, and
-        the derivative of the rows by the nuisance parameters.
+        `first` has the numbers, in the Evidence, of the k columns Y, and `second` has the numbers
+        of the m columns Z. P̃ is the precision of the training rows without the nuisance
+        parameters. A product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all
+        groups of rows. P is the precision of all rows of a group; U has a unit vector for each
+        held-out row, and the derivative of the rows by the nuisance parameters.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -128,11 +128,11 @@ class TrainingFit:
     def _add_columns(self, columns):
         """Compute and store the corrections and squares of columns that have none yet.
 
-        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃
-        that of the training rows after the nuisance parameters are projected out. The correction of
-        a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is ``xᵀ P x`` less
-        the part of |t|² by the held-out rows, under the first noise hypothesis: with it a column is
-        compared that the nuisance parameters and other columns may explain.
+        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
+        precision of the training rows after the nuisance parameters are projected out. The
+        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is
+        ``xᵀ P x`` less the part of |t|² by the held-out rows, under the first noise hypothesis:
+        with it a column is compared that the nuisance parameters and other columns may explain.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:

@@ -27,7 +27,7 @@ def not_testable(why):
 
 @dataclass(frozen=True)
 class ResidualGroup:
-    """n residuals whose noise is independent of that of all other groups.
+    """n residuals whose noise is independent of the noise of all other groups.
 
     The noise has one of m covariances, the alternatives.
     """

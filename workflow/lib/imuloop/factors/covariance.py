@@ -78,7 +78,7 @@ class ChannelMeans:
     def _subtract_mean(self, covariance):
         """Return the covariance, (M, M), of the M means less the mean over all rests.
 
-        `covariance`, (M, M), is that of the means themselves. Rests count by their duration.
+        `covariance`, (M, M), belongs to the means themselves. Rests count by their duration.
         """
         share = np.zeros(len(covariance))
         share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
@@ -159,15 +159,15 @@ class ResidualCovariance:
         if self.rows.by_force is not None:
             by_force = np.moveaxis(self.rows.by_force @ self.force_gain, -1, 0)
             weighted = by_force * self.weights[..., None]
-            # the first two residuals are those of the rotation, which the force does not enter
+            # the first two residuals belong to the rotation, which the force does not enter
             covariance[:3, :, 2:, 2:] = weighted.swapaxes(2, 3) @ by_force
         return covariance
 
     def _extra(self, covariance):
         """Return the covariance of each move's a residuals by errors of its rotation, (m, a, a).
 
-        `covariance`, (m, g, 3, 3), is that of the errors, rad², that arise in each of g parts of
-        the rotation, on body axes.
+        `covariance`, (m, g, 3, 3), rad², is the covariance of the errors that arise in each of g
+        parts of the rotation, on body axes.
         """
         steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
@@ -205,7 +205,7 @@ class ResidualCovariance:
         gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
         # index of the rest before each move, and of the means over its parts
         first, parts = self.moves.first[:, None], n + np.arange(PARTS * m).reshape(m, PARTS, 1)
-        # the order of residuals is: n norms of gravity, 3 n rates, then those of moves
+        # the order of residuals is: n norms of gravity, 3 n rates, then the residuals of moves
         force_gain, rate_gain = (np.moveaxis(sensor.gain, -1, 0) for sensor in rest_rows)
         gains[:3, rests[:, None], rests[:, None]] = force_gain
         gains[3:, n + np.arange(3 * n).reshape(n, 3), rests[:, None]] = rate_gain
@@ -219,7 +219,7 @@ class ResidualCovariance:
             passed = np.pad(passed, ((0, 0), (1, 0)))
             by_raw_force = rows.by_force @ self.force_gain
             by_force = _integrate_parts(by_raw_force, seconds=self.weights, passed=passed)
-            # the first two residuals of a move are those of the rotation
+            # the first two residuals of a move belong to the rotation
             gains[:3, places[:, None, 2:], parts] = np.moveaxis(by_force, -1, 0)
         return gains
 

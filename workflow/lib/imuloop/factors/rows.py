@@ -21,8 +21,8 @@ class RestRows:
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Their derivative with respect to the p parameters of the sensor: T, K, b, and those of its
-        effects.
+        Their derivative with respect to the p parameters of the sensor: T, K, b, and the parameters
+        of its effects.
     gain : ndarray, shape (n, a, 3)
         Their derivative with respect to the mean of each channel, nominal SI (before calibration).
     """
@@ -119,7 +119,7 @@ def rest_rate(sensor, w, D):
     D : ndarray, shape (n, 3, q)
         Derivative of the sum e of the gyroscope's effects with respect to their q parameters.
     """
-    # the parameters are the elements of T, then K, b, and those of the effects
+    # the parameters are the elements of T, then K, b, and the parameters of the effects
     n, axes, T_count = len(w), np.arange(3), len(sensor.entries[0])
     jacobian = np.zeros((n, 3, T_count + 6 + D.shape[-1]))
     jacobian[:, axes, T_count + axes] = w - sensor.b
@@ -152,7 +152,7 @@ def rotation(linearised):
 
 
 def velocity(linearised, rotation, share=None):
-    """Return the MoveRows of the rotations, followed by those of the velocity at the end, m/s.
+    """Return the MoveRows of the rotations, followed by the rows of the velocity at the end, m/s.
 
     MoveRows are residuals of m moves and their derivatives. The device rests before and after a
     move, so the residual is the velocity at the end of a move of duration L,

@@ -1,4 +1,4 @@
-"""Coaching while a session is recorded: what it shows so far, and what to do next."""
+"""Coaching while a session is recorded: its results so far, and the next rest or turn."""
 
 from dataclasses import dataclass, replace
 
@@ -23,27 +23,33 @@ from imuloop.segment.settings import SegmentSettings
 
 @dataclass(frozen=True)
 class Progress:
-    """What a session shows so far.
+    """The results of a session so far, and advice on the next step."""
 
-    Its length, s; the upward direction in each pose on body axes, (n, 3); by sensor the worst
-    standard error of scale factor, relative, and misalignment, rad, infinite while there is none;
-    what to do next; whether all are as good as asked for and the poses enough to test for missing
-    effects.
-    """
-
-    duration_s: float
-    up: np.ndarray
+    duration_s: float  # length of the session, s
+    up: np.ndarray  # (n, 3): upward direction in each pose on body axes
+    # by sensor, the largest standard error of relative scale factors and misalignments, rad;
+    # infinite before the first estimate
     worst: dict
-    advice: str
+    advice: str  # the next step, words
+    # whether all errors are good enough, and the poses enough to test for missing effects
     done: bool = False
 
 
 def progress(samples, gravity, units, noise=None, within=2e-3):
     """Return the Progress of a session.
 
-    Takes its samples so far, SI, a DataFrame; gravity, m/s^2; the RawUnit of both sensors; the
-    NoiseModel of `rest_noise`, by default that of the samples of its rests, white; the
-    `Progress.worst` that each sensor shall reach.
+    Parameters
+    ----------
+    samples : DataFrame
+        Its samples so far, SI.
+    gravity : float
+        Local gravity, m/s^2.
+    units : pair of RawUnit
+        Raw unit of the accelerometer and of the gyroscope.
+    noise : NoiseModel, optional
+        Noise by `rest_noise`; by default white noise as in the samples of the rests.
+    within : float
+        Largest relative scale factor error, and misalignment, rad, that is good enough.
     """
     t = samples["t"].to_numpy()
     early = Progress(float(np.ptp(t)), np.empty((0, 3)), dict.fromkeys(SENSORS, np.inf), "")
@@ -75,7 +81,10 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 
 
 def rest_noise(samples):
-    """Return the NoiseModel of a session's rests, flicker and walk included; takes seconds."""
+    """Return the NoiseModel of the rests of a session, with flicker and random walk.
+
+    `samples` is the DataFrame of its samples, SI. The estimate takes seconds.
+    """
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)
     return estimate_noise("device", [session], NoiseSettings(), views=False).model
