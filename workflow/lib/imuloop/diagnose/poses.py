@@ -21,6 +21,7 @@ from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import OF_SENSOR
+from imuloop.model.effect import Channels
 from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
@@ -43,9 +44,10 @@ def pose_candidates(sensor, recording, static_effects=()):
     poses = recording.poses
     if not len(poses):
         return {}, {}
-    other = poses.w if sensor == "accelerometer" else poses.f
-    # the choice of variants needs time and temperature only: the output may stay uncalibrated
-    channels = recording.pose_channels(sensor, lambda y: y, other)
+    # the choice of variants depends on time, temperature and power cycle, not on outputs
+    channels = Channels(
+        poses.mid_s, None, None, temperature=poses.temperature, power_cycle=poses.power_cycle
+    )
     variants, reasons = candidates(sensor, "poses", channels)
     if np.ptp(poses.session):
         del variants[Steps]
@@ -202,6 +204,6 @@ def pose_products(recording, sensor):
 
     An accelerometer has products of specific force only: at rest the angular rate is zero.
     """
-    channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
+    channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)

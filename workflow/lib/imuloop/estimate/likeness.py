@@ -25,8 +25,9 @@ def share_on_axes(training_fit, first, second):
     the first effect acts. `training_fit` is the TrainingFit of the rows.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
-    # by axis, the numbers of the columns of both effects; without columns an effect does not act
-    pairs = zip(first_pattern.columns, second_pattern.columns, strict=True)
+    # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
+    # effect without columns on an axis does not act there
+    pairs = set(zip(first_pattern.columns, second_pattern.columns, strict=True))
     return min(imitated_share(training_fit, one, other) for one, other in pairs if one)
 
 

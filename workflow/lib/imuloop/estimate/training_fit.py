@@ -41,6 +41,8 @@ class TrainingFit:
     # hypothesis, with the nuisance parameters in it
     _columns: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
+    # by group and hypothesis: information about a step before each row, (n,)
+    _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
@@ -189,11 +191,13 @@ class TrainingFit:
         group about the size of the step. P̃ is the precision of the training rows without the
         nuisance parameters, under the noise hypothesis of index `hypothesis`.
         """
-        precision = self.evidence.row_groups[i].noise.precision[hypothesis]
-        # the sum over all rows from row k on is the product with a step before row k
-        weighted = precision[::-1].cumsum(axis=0)[::-1]
-        removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
-        return np.triu(weighted).sum(axis=1) - removed
+        if (i, hypothesis) not in self._steps:
+            precision = self.evidence.row_groups[i].noise.precision[hypothesis]
+            # the sum over all rows from row k on is the product with a step before row k
+            weighted = precision[::-1].cumsum(axis=0)[::-1]
+            removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
+            self._steps[i, hypothesis] = np.triu(weighted).sum(axis=1) - removed
+        return self._steps[i, hypothesis]
 
     def fit(self, effects, axis):
         """Return the Fit of one axis, an index, to the training rows with some effects.

@@ -126,36 +126,42 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
         if not (e.effect.timed or e.effect.rate_of_change) and needs.issuperset(e.effect.needs)
     ]
     (state, covariance), limits = state_of(calibration, effects), []
-    use = {"accelerometer": calibration.gravity, "gyroscope": RATE_IN_USE}
+    size_in_use = {"accelerometer": calibration.gravity, "gyroscope": RATE_IN_USE}
     for k, (sensor, base) in enumerate(NAMES.items()):
         model = getattr(calibration, sensor)
         # a parameter that was not estimated has the standard error of the prior
-        before = (model.prior or {"std": {}})["std"]
+        prior = (model.prior or {"std": {}})["std"]
         for name, factor in zip(base, si_factor(base, model.raw_unit), strict=True):
-            at = state.names.index(f"{sensor}.{name}")
-            covariance[at, at] = covariance[at, at] or (factor * before.get(name, 0.0)) ** 2
-            error = np.sqrt(covariance[at, at]) * (1.0 if name[0] == "b" else use[sensor])
+            i = state.names.index(f"{sensor}.{name}")
+            covariance[i, i] = covariance[i, i] or (factor * prior.get(name, 0.0)) ** 2
+            error = np.sqrt(covariance[i, i]) * (1.0 if name[0] == "b" else size_in_use[sensor])
             if name[0] in letters:
-                limits.append((error / enough[3 * k + int(name[1])], error, at, sensor, name))
-    ratio, error, at, sensor, name = max(limits)
+                limits.append((error / enough[3 * k + int(name[1])], error, i, sensor, name))
+    ratio, error, i, sensor, name = max(limits)
     up = upward(calibration, recording.poses)
-    steps = candidates(up)
-    made = recorded(steps, up[-1], calibration, recording)
-    factors = Factors(calibration.gravity)
-    new = factors.about(made, state).at(state.x)
-    owners = factors.owners(made).tolist()
+    steps, variances, factors = candidates(up), [], Factors(calibration.gravity)
+    simulated = simulate_steps(steps, up[-1], calibration, recording)
+    linearised = factors.about(simulated, state).at(state.x)
+    owners = factors.owners(simulated).tolist()
     size = np.sqrt([getattr(calibration, owner).excess for owner in owners])
-    R, after = new.noise.by(noise) * size[:, None] * size, []
+    R = linearised.noise.by(noise) * size[:, None] * size
     # residuals that end at the second rest of each session; the first rest is known already
-    ends = factors.rows(made)[0].max(axis=1)
+    ends = factors.rows(simulated)[0].max(axis=1)
     for k in range(len(steps)):
         rows = np.flatnonzero(ends == 2 * k + 1)
-        J, gain = new.jacobian[rows], covariance @ new.jacobian[rows].T
-        lost = np.linalg.solve(J @ gain + R[np.ix_(rows, rows)], gain[at])
-        after.append(covariance[at, at] - gain[at] @ lost)
-    best = int(np.argmin(after))
-    sizes = (float(size) for size in (error, ratio, *np.sqrt([covariance[at, at], after[best]])))
-    return Advice(sensor, name, *sizes, steps[best])
+        J, gain = linearised.jacobian[rows], covariance @ linearised.jacobian[rows].T
+        change = np.linalg.solve(J @ gain + R[np.ix_(rows, rows)], gain[i])
+        variances.append(covariance[i, i] - gain[i] @ change)
+    best = int(np.argmin(variances))
+    return Advice(
+        sensor=sensor,
+        parameter=name,
+        error=float(error),
+        ratio=float(ratio),
+        std=float(np.sqrt(covariance[i, i])),
+        std_after=float(np.sqrt(variances[best])),
+        step=steps[best],
+    )
 
 
 def upward(calibration, poses):
@@ -172,11 +178,11 @@ def candidates(up):
     `up`, (n, 3), are the upward directions of the rests on body axes.
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
-    far = [ATTITUDES[(ATTITUDES @ made.T).max(axis=1) < np.cos(FAR)] for made in (up, up[-1:])]
+    far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
     return [Step(u) for u in far[0]] or [*map(Step, far[1]), *turns]
 
 
-def recorded(steps, now, calibration, recording):
+def simulate_steps(steps, now, calibration, recording):
     """Return the Recording of m steps without noise, with two rests and a turn for each step.
 
     Each step is its own session. The rests are as long and as noisy as the median rest of
@@ -200,27 +206,33 @@ def recorded(steps, now, calibration, recording):
     along = calibration.gravity * np.einsum("mkji,mj->mki", attitude, before)
     rates = (1 - np.cos(2 * np.pi * _SHARE)) * turns / move_s[:, None, None]
 
-    def logged(sensor, values):
+    def to_nominal(sensor, values):
         """Return the nominal SI values that a sensor logs for true values, SI, (..., 3)."""
         model = getattr(calibration, sensor)
         return model.raw_unit.to_si(values @ np.linalg.inv(model.T).T / model.K + model.b)
 
     poses = recording.poses
     rest = poses.select(np.argsort(poses.duration_s)[[len(poses) // 2] * 2 * m])
-    session, nothing, rest_s = np.repeat(np.arange(m), 2), np.zeros((2 * m, 3)), rest.duration_s[0]
+    session, zeros, rest_s = np.repeat(np.arange(m), 2), np.zeros((2 * m, 3)), rest.duration_s[0]
     start_s = np.stack([np.zeros(m), rest_s + move_s], axis=1).ravel()
     rest = replace(rest, session=session, start_s=start_s, end_s=start_s + rest_s)
-    rest = replace(rest, power_cycle=-1 - session, w=logged("gyroscope", nothing))
-    rest = replace(rest, f=logged("accelerometer", along[:, [0, -1]].reshape(-1, 3)))
-    rest = replace(rest, tilt=nothing[:, 0], to_start=nothing, to_end=nothing)
-    t, lost = rest_s + _SHARE.T * move_s[:, None], recording.rotations.aliased
-    warmth = None if rest.temperature is None else np.full(t.shape, rest.temperature[0])
-    values = t, logged("gyroscope", rates), logged("accelerometer", along), warmth
+    rest = replace(rest, power_cycle=-1 - session, w=to_nominal("gyroscope", zeros))
+    rest = replace(rest, f=to_nominal("accelerometer", along[:, [0, -1]].reshape(-1, 3)))
+    rest = replace(rest, tilt=zeros[:, 0], to_start=zeros, to_end=zeros)
+    t, aliased = rest_s + _SHARE.T * move_s[:, None], recording.rotations.aliased
+    temperature = None if rest.temperature is None else np.full(t.shape, rest.temperature[0])
+    undersampling = aliased.mean() if len(aliased) else 0.0
     rotations = Rotations(
-        *(2 * np.arange(m), t[:, 0], t[:, -1], *values),
+        first=2 * np.arange(m),
+        start_s=t[:, 0],
+        end_s=t[:, -1],
+        t=t,
+        w=to_nominal("gyroscope", rates),
+        f=to_nominal("accelerometer", along),
+        temperature=temperature,
         extra_at=np.zeros((m, 1), int),
         time_covariance=np.zeros((m, 1, 3, 3)),
-        aliasing_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
+        aliasing_covariance=np.tile(np.eye(3) * undersampling, (m, 1, 1, 1)),
     )
     return Recording(rest, rotations)
 
@@ -233,8 +245,10 @@ def next_step(calibration, noise, recording):
     """
     poses = recording.poses
     enough = np.sqrt(noise.mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])
-    felt = np.linalg.norm(poses.f, axis=1) > 0
-    if not (felt.any() and felt.all() and enough.all()) or poses.unknown_noise(noise, CHANNELS):
+    has_force = np.linalg.norm(poses.f, axis=1) > 0
+    if not (has_force.any() and has_force.all() and enough.all()) or poses.unknown_noise(
+        noise, CHANNELS
+    ):
         return {}
-    found = next_pose_or_turn(calibration, noise, recording, enough)
-    return asdict(found) | {"step": str(found.step)}
+    advice = next_pose_or_turn(calibration, noise, recording, enough)
+    return asdict(advice) | {"step": str(advice.step)}

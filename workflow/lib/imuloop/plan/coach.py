@@ -69,15 +69,15 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     sensors = calibrate_sensors(recording, noise, gravity, of_sensor, settings)
     enough = within * np.repeat([gravity, RATE_IN_USE], 3)
     calibration = Calibration("device", gravity, **sensors)
-    found = next_pose_or_turn(calibration, noise, recording, enough, "TK")
+    advice = next_pose_or_turn(calibration, noise, recording, enough, "TK")
     worst = {}
     for name, sensor in sensors.items():
         size = {"T": np.ones(3), "K": sensor.K}
-        own = [s / size[n[0]][int(n[1])] for n, s in sensor.std.items() if n[0] in size]
-        worst[name] = max(own, default=np.inf)
+        errors = [s / size[n[0]][int(n[1])] for n, s in sensor.std.items() if n[0] in size]
+        worst[name] = max(errors, default=np.inf)
     up = upward(calibration, recording.poses)
-    done = found.ratio <= 1 and len(up) >= TESTABLE and count_attitudes(up, APART) >= ATTITUDES
-    return Progress(early.duration_s, up, worst, str(found.step), done)
+    done = advice.ratio <= 1 and len(up) >= TESTABLE and count_attitudes(up, APART) >= ATTITUDES
+    return Progress(early.duration_s, up, worst, str(advice.step), done)
 
 
 def rest_noise(samples):
