@@ -239,8 +239,8 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     ----------
     calibration : Calibration
     poses : PoseResult
-        The ranges of the sensors that it calibrates come from the poses; the ranges of the
-        gyroscope come from the rotations too.
+        The diagnosis at the poses. A sensor that the poses calibrate has the ranges of its inputs
+        at the poses; the ranges of a gyroscope include the rotations between them.
     recording : Recording
         Poses and rotations.
     records : dict of str to list of StaticRecord

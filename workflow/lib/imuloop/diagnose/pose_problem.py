@@ -53,8 +53,12 @@ class Linearization:
     def alternatives(self):
         """Alternatives of the noise for the verdict, from the sizes as estimated to the likeliest.
 
-        They are the logarithm of the prior probability of each, (m,), and the covariances of the
-        rows, a list of m arrays (N, N). The noise as estimated is the first.
+        Alternative j moves the sizes of all slow components by the share `PATH[j]` of the way from
+        the estimates to the likeliest sizes. The whole way has the length d, in standard deviations
+        of the estimates, so that the logarithm of the prior probability is ``-(d PATH[j])²/2``.
+
+        The result is the log prior of each alternative, (m,), and the covariances of the rows, a
+        list of m arrays (N, N). The noise as estimated is the first.
         """
         fixed, slow = self.likelihood.fixed, self.slow
         sizes = np.array([component.size for component in slow])
@@ -101,7 +105,7 @@ class PoseProblem:
 
     @cached_property
     def static_rows(self):
-        """Rows ``R θ - z``, with mean 0 and variance 1, of what static records tell about effects.
+        """Rows ``R θ - z``, with mean 0 and variance 1: the knowledge of static records about effects.
 
         θ are the q parameters of an effect. The value is a dict of R, (s, q), by effect, and z,
         (s,). For the Fisher information A and the moment b, ``Rᵀ R = A`` and ``Rᵀ z = b``.

@@ -202,7 +202,8 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
 def why_untestable(records, axes, settings):
     """Return the reason, text, why the records of a sensor cannot be diagnosed, or None.
 
-    `records` are its StaticRecords and `axes` the AxisNoise of its axes.
+    `records` are its StaticRecords, the means over windows of long rests. `axes` has the AxisNoise,
+    the coefficients of the noise, of each axis. `settings.blocks` is the number of folds.
     """
     if not records:
         return (
@@ -223,7 +224,9 @@ def why_untestable(records, axes, settings):
 def search_records(sensor, records, settings, tests):
     """Search the StaticRecords of a sensor for effects; return a StaticFinding.
 
-    `tests` is the number of tests that share the significance.
+    A record has the means over windows of a long rest. Cross-validation holds out stretches of time
+    in all records. `settings` are the DiagnoseSettings, and `tests` is the number of tests that
+    share the significance.
     """
     variants_by_kind, reasons = static_candidates(sensor, records)
     # steps have no variants: a scan finds their times

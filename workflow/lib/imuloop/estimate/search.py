@@ -169,7 +169,8 @@ class Search:
                 self._trials[key] = self.problem.scans[kind](self, base, may_give_up)
             else:
                 variants = self.problem.variants[kind]
-                # a variant with a price pays for itself, so it counts as exp(-price) tries
+                # the price of a variant was added to its log p already, so that such a variant
+                # counts as a try with the weight exp(-price)
                 tries = np.log(sum(np.exp(-variant.price) for variant in variants))
                 self._trials[key] = self.best_variant(base, variants, tries)
         return self._trials[key]
