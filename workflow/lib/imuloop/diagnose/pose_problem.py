@@ -105,7 +105,7 @@ class PoseProblem:
 
     @cached_property
     def static_rows(self):
-        """Rows ``R θ - z``, with mean 0 and variance 1: the knowledge of static records about effects.
+        """Rows ``R θ - z``, with mean 0 and variance 1: knowledge from static records on effects.
 
         θ are the q parameters of an effect. The value is a dict of R, (s, q), by effect, and z,
         (s,). For the Fisher information A and the moment b, ``Rᵀ R = A`` and ``Rᵀ z = b``.
