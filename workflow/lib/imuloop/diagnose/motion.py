@@ -78,9 +78,7 @@ def candidates_in_motion(nuisance_kinds):
         kind = EffectKind(cls, cls.sensors[0])
         if "motion" in cls.records and kind not in nuisance_kinds:
             # the variants of effects in motion do not depend on the data
-            variants[kind] = tuple(
-                SensorEffect(variant, kind.sensor) for variant in cls.variants(None)
-            )
+            variants[kind] = tuple(SensorEffect(v, kind.sensor) for v in cls.variants(None))
     return variants
 
 

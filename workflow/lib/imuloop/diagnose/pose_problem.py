@@ -222,15 +222,8 @@ class PoseProblem:
 
     def linearization(self, effects=()):
         """Return the Linearization at the fit of all poses with some effects; it is stored."""
-        if effects not in self._fits:
-            self._fits[effects] = self._linearize(effects)
-        return self._fits[effects]
-
-    # every fit is stored: later tests are linearised at the fit of all poses with these effects
-    refit = linearization
-
-    def _linearize(self, effects):
-        """Fit all poses with some effects and return the Linearization there."""
+        if effects in self._fits:
+            return self._fits[effects]
         all_effects = (*self.nuisance_effects, *effects)
         # effects are added one by one: the fit without the last one is near
         start = self.linearization(effects[:-1]).solution.x if effects else None
@@ -267,7 +260,7 @@ class PoseProblem:
             least_scale=1.0,
             as_estimated_mask=as_estimated,
         )
-        return Linearization(
+        self._fits[effects] = Linearization(
             solution=solution,
             factors=factors,
             values=values,
@@ -276,6 +269,10 @@ class PoseProblem:
             likelihood=likelihood,
             likeliest=likeliest,
         )
+        return self._fits[effects]
+
+    # every fit is stored: later tests are linearised at the fit of all poses with these effects
+    refit = linearization
 
     def patterns(self, effects):
         """Return the derivatives of all N rows by the q parameters of effects, (N, 1, q) each.
