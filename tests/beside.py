@@ -8,7 +8,7 @@ import pandas as pd
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.records.reference import diagnose_reference
+from imuloop.diagnose.reference import diagnose_reference
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.model.calibration import Calibration

@@ -18,8 +18,8 @@ from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, read_columns
 from imuloop.core.segments import STATIC
-from imuloop.diagnose.records.motion import no_result
-from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
+from imuloop.diagnose.motion import no_result
+from imuloop.diagnose.poses import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
@@ -130,7 +130,7 @@ def likeness(truth, sessions, folder):
     """
     if (problem := _problem(truth, sessions, folder)) is None:
         return {}
-    search, found = Choices(problem).search(), {}
+    search, found = Choices(problem), {}
     for kind in (*search.problem.variants, *search.problem.scans):
         if trial := search.trial((), kind):
             _, _, covariance = search.estimate((), trial.effect)
@@ -165,7 +165,7 @@ def product_limits(truth, sessions, folder):
     if (problem := _problem(truth, sessions, folder)) is None:
         return {}
     (problem, each), found = _with_products(problem), {}
-    search = Choices(problem).search()
+    search = Choices(problem)
     for formula, (sensor, axis, _) in PRODUCTS.items():
         for one in (p for p in each[sensor] if (p.formula, p.axis) == (formula, axis)):
             trial = search.test((), SensorEffect(one, sensor))
@@ -183,7 +183,7 @@ def alike_products(formula, truth, sessions, folder):
     """
     problem, each = _with_products(_problem(truth, sessions, folder))
     sensor, axis, _ = PRODUCTS[formula]
-    training_fit, found = Choices(problem).search().training_fit(()), {}
+    training_fit, found = Choices(problem).training_fit(()), {}
     true = next(p for p in each[sensor] if (p.formula, p.axis) == (formula, axis))
     for one in each[sensor]:
         share = share_on_axes(training_fit, SensorEffect(true, sensor), SensorEffect(one, sensor))

@@ -8,8 +8,8 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
-from imuloop.diagnose.records.motion import knocks
-from imuloop.diagnose.records.pose_diagnosis import too_few
+from imuloop.diagnose.motion import knocks
+from imuloop.diagnose.poses import too_few
 from imuloop.ingest.ingest import ingest
 from imuloop.model.state import NAMES
 from imuloop.segment.segment import segment_session

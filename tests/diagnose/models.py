@@ -2,8 +2,8 @@
 
 from calibrate.devices import UNITS, known_noise
 from imuloop.calibrate.calibrate import start_fit
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, pose_problem
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.poses import diagnose_poses, pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -34,7 +34,6 @@ def variants_of(sensor, *effects):
 def problem_of(pair, recording, variants=None, folds=10, **more):
     """Return a PoseProblem, folds interleaved, in which these variants are looked for."""
     fold_of_pose = interleaved_folds(len(recording.poses), folds)
-    more = {"base_rows": pair.known} | more
     return PoseProblem(pair, recording, variants or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
 
 

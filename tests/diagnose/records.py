@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from imuloop.diagnose.records.slow_noise import unit_noise
-from imuloop.diagnose.records.static import StaticProblem
-from imuloop.diagnose.records.static_windows import StaticRecord
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static_means import StaticRecord
+from imuloop.diagnose.static_problem import StaticProblem
 from imuloop.estimate.search import Search
 from imuloop.model.effect import Channels
 
@@ -30,7 +30,9 @@ def root(n, flicker=0.0, walk=0.0):
     """
     span = n * LENGTH
     parts = (1.0, "N"), (flicker * np.pi / span, "B"), (walk * (np.pi / span) ** 2, "K")
-    covariance = sum(f * unit_noise(name).mean_covariance(windows(n)) for f, name in parts)
+    covariance = sum(
+        f * AxisNoise(**{name: Coefficient(1.0)}).mean_covariance(windows(n)) for f, name in parts
+    )
     return np.linalg.cholesky(covariance)
 
 

@@ -56,8 +56,10 @@ class Rows:
     def is_like_slow_noise(self, effect):
         return False
 
-    def rows_by_kind(self):
-        return [np.ones(len(self.fold_of_row), dtype=bool)]
+    kinds: ClassVar = {"kind": ("1", 1)}
+
+    def of_kind(self, kind):
+        return np.ones(len(self.fold_of_row), dtype=bool)
 
     def most_changed_rows(self, search, base, trial):
         return "kind", slice(None)

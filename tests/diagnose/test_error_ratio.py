@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.held_out import ratio_interval
 
 
 def covered(rng, parts):

@@ -7,7 +7,7 @@ from scipy.stats import f as f_distribution
 from diagnose.records import record, root, search
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.temperature import BiasTemperature
-from imuloop.estimate.p_values import log_f_tail
+from imuloop.estimate.axis_fit import log_f_tail
 
 
 def test_tail_of_f_against_scipy_and_below_the_smallest_double():

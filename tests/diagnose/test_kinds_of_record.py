@@ -10,11 +10,10 @@ from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
-from imuloop.diagnose.records.pose_problem import PoseProblem
-from imuloop.diagnose.records.slow_noise import ratios
-from imuloop.diagnose.records.static import StaticProblem
-from imuloop.diagnose.records.static_windows import StaticRecord
+from imuloop.diagnose.pose_problem import PoseProblem
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static_means import StaticRecord
+from imuloop.diagnose.static_problem import StaticProblem, ratios
 from imuloop.estimate import least_squares
 from imuloop.estimate.evidence import Hypotheses
 from imuloop.estimate.noise_components import Component
@@ -99,6 +98,7 @@ class LinearSensor:
     """A sensor whose residuals at the poses, ``A β + D θ - y``, are straight in the parameters."""
 
     names, kinds = ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
+    known = np.zeros((0, 2)), np.zeros(0)
 
     def rows(self, problem):
         poses = np.arange(len(problem.y))

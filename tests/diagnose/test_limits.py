@@ -10,7 +10,7 @@ from diagnose.models import of_sensor, pair_of, problem_of, variants_of
 from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
-from imuloop.diagnose.records.pose_problem import PoseProblem
+from imuloop.diagnose.pose_problem import PoseProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.temperature import BiasTemperature
 from imuloop.estimate.choice import Choices
@@ -60,8 +60,8 @@ def searched(size, seed):
 
 
 def limit_of(choices):
-    search, (kind,) = choices.search(), DRIFTS
-    return detection_limits(search, (), search.trial((), kind), 0.9)["dx"]
+    (kind,) = DRIFTS
+    return detection_limits(choices, (), choices.trial((), kind), 0.9)["dx"]
 
 
 @seeds(3, 12)

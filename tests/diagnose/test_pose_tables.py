@@ -11,7 +11,7 @@ from imuloop.calibrate.recording import record
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.core.units import DEGREE
-from imuloop.diagnose.records.pose_tables import moves_table, no_tables, poses_table
+from imuloop.diagnose.tables import moves_table, no_tables, poses_table
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.model.effect import FittedEffect
 from imuloop.model.sensor_calibration import SensorCalibration

@@ -49,7 +49,7 @@ def test_a_product_is_named_by_its_formula(formula):
 
 @pytest.mark.usefixtures("no_limits")
 def test_a_record_at_its_floor_is_not_searched_for_products():
-    where = "imuloop.diagnose.records.pose_diagnosis.products"
+    where = "imuloop.diagnose.poses.products"
     with patch(where, side_effect=AssertionError("it was searched")):
         found = diagnosed(*device(), tests=30, folds=6)
     for content in found.contents.values():

@@ -6,13 +6,13 @@ import pytest
 from calibrate.devices import recording
 from diagnose.models import pair_of, problem_of
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import (
+from imuloop.estimate.held_out import (
     exceedance_probability,
     fold_fits,
     held_out_covariance,
     rms_norm,
 )
+from imuloop.estimate.least_squares import chi_square
 from imuloop.estimate.verdict import NoiseComparison, above_floor, of_calibration, why_not_shown
 from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth
@@ -72,10 +72,10 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, folds=5)
         about, errors = problem.linearization(), Choices(problem).errors_with(())
-        covariance = about.covariances[0]
+        covariance = about.alternatives[1][0]
         variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_folds))
         for kind in ratios:
-            rows, k = problem.of_kind(kind), problem.components(kind)
+            rows, k = problem.of_kind(kind), problem.kinds[kind][1]
             sizes = (rms_norm(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
             ratios[kind].append(next(sizes) / next(sizes))
     for kind, values in ratios.items():

@@ -12,11 +12,11 @@ from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
 from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.records.pose_diagnosis import too_few
+from imuloop.diagnose.content import candidates
+from imuloop.diagnose.poses import too_few
 from imuloop.effects.drifts import WarmUp
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.model.effect import Channels, FittedEffect, find_effect
 from imuloop.simulate.truth import example_truth
 
@@ -116,7 +116,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     assert each.significant_effects(each.kinds) == SENSITIVE
     assert again.search(held_out).significant_effects(each.kinds) == SENSITIVE
     about = problem.linearization(SENSITIVE)
-    noise = held_out_covariance(about.covariances[0], about.jacobian, problem.row_folds)
+    noise = held_out_covariance(about.alternatives[1][0], about.jacobian, problem.row_folds)
     # the prior's rows come last
     measured = problem.fold_of_row >= 0
     own = (problem.rows[0] == 0).any(axis=1)
@@ -138,7 +138,7 @@ def test_what_a_gyroscope_lacks_hides_no_effect_of_the_accelerometer():
     for w in (made.poses.w, made.poses.w + excess):
         changed = replace(made, poses=replace(made.poses, w=w))
         variants = variants_of("accelerometer", quadratic)
-        search = Choices(problem_of(pair_of(truth, changed), changed, variants)).search()
+        search = Choices(problem_of(pair_of(truth, changed), changed, variants))
         found.append(search.trial((), *variants).log_p)
     assert found[1] < 0.8 * found[0] < -8
 
@@ -177,7 +177,7 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
     for seed in range(6):
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, variants)
-        search = Choices(problem).search()
+        search = Choices(problem)
         base = search.refine(search.effects_of_kinds((*variants,)))
         x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))

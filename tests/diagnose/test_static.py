@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.diagnose.records.moves import cut_at_tilts
-from imuloop.diagnose.records.static import fitted_effects, information
-from imuloop.diagnose.records.static_diagnosis import search_records
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static import search_records
+from imuloop.diagnose.static_problem import cut_at_tilts, fitted_effects, information
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature
@@ -111,7 +110,7 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     for parts, v in zip(each, changed.values(), strict=True):
         v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
     held_out, both = frozenset({part}), (choices, found(changed).choices)
-    chosen = [c.search(held_out).significant_effects(c.search().kinds) for c in both]
+    chosen = [c.search(held_out).significant_effects(c.kinds) for c in both]
     assert chosen[0] == chosen[1] and chosen[0]
     foreseen = [
         np.concatenate([r.values for r in c.problem.records])

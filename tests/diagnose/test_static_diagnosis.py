@@ -10,9 +10,9 @@ import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from diagnose.test_static_windows import calibration
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.diagnose.records.rests import StaticData
-from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static import diagnose_static, static_tests
+from imuloop.diagnose.static_means import StaticData
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -54,7 +54,7 @@ def noise_of(made):
 
 
 def diagnosed(made, noise=None):
-    records = {s: made.records(s, calibration(), SETTINGS.mean_time) for s in SENSORS}
+    records = made.records(calibration(), SETTINGS.mean_time)
     noise, tests = noise or noise_of(made), static_tests(records, SETTINGS)
     how = SETTINGS, NoiseSettings(), tests
     return diagnose_static(made, records, calibration(), noise.model, *how)

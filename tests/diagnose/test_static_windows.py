@@ -6,8 +6,7 @@ import pandas as pd
 from imuloop.calibrate.recording import Log
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.records.rests import rests_to_use
-from imuloop.diagnose.records.static_windows import static_record
+from imuloop.diagnose.static_means import rests_to_use, static_records
 from imuloop.model.calibration import Calibration
 from imuloop.model.sensor_calibration import SensorCalibration
 
@@ -37,7 +36,7 @@ CUT = segments((0, 1190, "static"), (1190, 1210, "disturbed"), (1210, 2400, "sta
 
 def test_windows_hold_means_of_the_output_and_lie_whole_in_undisturbed_stretches():
     samples = log()
-    found = static_record("s", Log.of(samples), CUT, calibration(2.0), "gyroscope", 20.0)
+    found = static_records("s", Log.of(samples), CUT, calibration(2.0), 20.0)["gyroscope"]
     seen = found.channels.evaluate(lambda whole: whole.other * whole.t[:, None])
     assert not np.any((found.windows[:, 1] > 1190) & (found.windows[:, 0] < 1210))
     assert list(np.unique(found.stretch, return_counts=True)[1]) == [59, 59]

@@ -74,7 +74,7 @@ def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power(seeds):
 
     quiet = []
     for _ in range(10):
-        made = choices(0.0).search()
+        made = choices(0.0)
         quiet.append(detection_limits(made, (), made.trial((), Column), power)["p"])
     limit = np.median(quiet)
     # it passes the test, and parts that are held out keep it

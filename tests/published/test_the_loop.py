@@ -90,7 +90,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     problem = problem_of(pair, recording, variants)
     problem.linearization((drift,))
     # what no effect explains counts as noise
-    search = Choices(problem).search()
+    search = Choices(problem)
     assert search.test((drift,), sensitivity).p_value > 0.01
     values, std, _ = search.estimate((drift,), sensitivity)
     # of the 27 of three boards one is 3.2: a bound of three is not met on board 3

@@ -17,7 +17,7 @@ from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table
 from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.records.pose_tables import no_tables
+from imuloop.diagnose.tables import no_tables
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.export.export import write_exports
 from imuloop.model.calibration import Calibration

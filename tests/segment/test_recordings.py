@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
-from imuloop.factors.gravity_norm import gravity_norm
+from imuloop.factors.rows import gravity_norm
 from imuloop.model.state import State
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

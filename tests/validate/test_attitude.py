@@ -34,7 +34,7 @@ def diagnosed(made):
     with patch(LIMITS, return_value={}):
         poses = pose_results(example_truth(), made)
     calibration = Calibration("d", 9.80665, *(poses.calibrations.get(s) for s in SENSORS))
-    return Diagnosed({}, calibration, {}, poses.joint_fit.noise, poses, made, ["turns"], {})
+    return Diagnosed({}, calibration, {}, poses.problem.joint_fit.noise, poses, made, ["turns"], {})
 
 
 def course(turns=3, rate=100.0, seed=0):
@@ -156,7 +156,7 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     touched = held[made.rotations.first] | held[made.rotations.first + 1]
     rotations = replace(made.rotations, w=made.rotations.w + 0.004 * touched[:, None, None])
     spoiled = replace(made, poses=poses, rotations=rotations)
-    pair, models = found.poses.joint_fit, []
+    pair, models = found.poses.problem.joint_fit, []
     for each in (made, spoiled):
         problem = replace(found.poses.choices.problem, recording=each, _fits={}, _columns={})
         models.append(held_out_models(found, problem.with_folds(parts))[1])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from imuloop.factors.factors import Factors
-from imuloop.factors.gravity_norm import gravity_norm
+from imuloop.factors.rows import gravity_norm
 from imuloop.model.state import BASE, COUNT, State
 
 # ratio of an error to the errors of the others above which it contradicts them, and the least

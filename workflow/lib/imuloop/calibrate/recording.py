@@ -24,8 +24,8 @@ from imuloop.core.samples import (
     on_gyroscope_clock,
 )
 from imuloop.core.segments import DISTURBED
+from imuloop.factors.covariance import ChannelMeans
 from imuloop.factors.factors import OWN
-from imuloop.factors.means import ChannelMeans
 from imuloop.model.effect import Channels, LoggedChannels
 
 

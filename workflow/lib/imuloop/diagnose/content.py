@@ -2,10 +2,62 @@
 
 import numpy as np
 
+from imuloop.effects.temperature import LEAST_SPAN, span
+from imuloop.estimate.held_out import rms_norm
 from imuloop.estimate.likeness import imitations, masking_effect, twin
 from imuloop.estimate.limits import detection_limits
-from imuloop.estimate.residuals import rms_norm
 from imuloop.estimate.verdict import above_floor, verdict, why_not_shown
+from imuloop.model.effect import Effect
+
+
+def candidates(sensor, record, channels):
+    """Return the variants to try on a sensor, and the effects that are not tried.
+
+    A variant is an effect with values of its constants, such as a time constant. Effects that only
+    motion shows are in neither result.
+
+    Parameters
+    ----------
+    sensor : str
+    record : {'poses', 'static_record'}
+        Kind of record.
+    channels : Channels
+        Inputs of the effects in this record.
+
+    Returns
+    -------
+    dict of type to tuple of Effect
+        The variants to try, by type of effect.
+    dict of type to (str, str)
+        Status and reason of the effects that are not tried, by type of effect.
+    """
+    variants, reasons, cycle = {}, {}, channels.power_cycle
+    # power cycles have numbers from 0
+    several_cycles = cycle is not None and cycle.any()
+    for cls in Effect.library.values():
+        if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
+            continue
+        if cls.unobservable:
+            reasons[cls] = ("not_observable", cls.unobservable)
+        elif "temperature" in cls.needs and channels.temperature is None:
+            reasons[cls] = ("not_available", "not every session logs a temperature")
+        elif "temperature" in cls.needs and span(channels) <= LEAST_SPAN:
+            reasons[cls] = (
+                "not_observable",
+                f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
+                f"do so up to {LEAST_SPAN:g} K",
+            )
+        elif "power_cycle" in cls.needs and not several_cycles:
+            reasons[cls] = (
+                "not_available",
+                "one power cycle shows one bias: record several sessions, switched off and on "
+                "between",
+            )
+        elif "power_cycle" in cls.needs and cycle.max() >= cls.bounds["runs"][1]:
+            reasons[cls] = ("not_available", f"more power cycles than {cls.bounds['runs'][1]}")
+        else:
+            variants[cls] = tuple(cls.variants(channels))
+    return variants, reasons
 
 
 def search_content(choices, fitted, reasons, sensor):
@@ -28,8 +80,8 @@ def search_content(choices, fitted, reasons, sensor):
         ``effects``, the added effects; ``candidates``, all effects with the result of their test;
         and ``confounded``, pairs of effects that these data cannot tell apart.
     """
-    problem, search = choices.problem, choices.search()
-    kinds = [kind for kind in search.kinds if getattr(kind, "sensor", sensor) == sensor]
+    problem = choices.problem
+    kinds = [kind for kind in choices.kinds if getattr(kind, "sensor", sensor) == sensor]
     return {
         "effects": [
             {
@@ -48,11 +100,11 @@ def search_content(choices, fitted, reasons, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, status, why) for cls, (status, why) in reasons.items()),
         ],
-        "confounded": imitations(search, [k for k in kinds if not k.is_formula]),
+        "confounded": imitations(choices, [k for k in kinds if not k.is_formula]),
     }
 
 
-def residuals_content(problem, units, comparisons, errors, floor, has_effects):
+def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
     """Compare each kind of residual with its floor, without and with the added effects.
 
     The floor is the held-out error that the noise alone gives.
@@ -61,8 +113,8 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     ----------
     problem : PoseProblem or StaticProblem
         It has N rows, which are components of residuals, on a axes.
-    units : dict of str to str
-        Unit of each kind of residual.
+    kinds : sequence of str
+        Kinds of residuals.
     comparisons : pair of list of NoiseComparison
         Comparison of each kind with the noise, without and with the effects.
     errors : pair of ndarray, shape (N, a)
@@ -79,8 +131,8 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     """
     entries, above_before, above_after = {}, False, False
     significance = problem.settings.residual_significance
-    for (kind, unit), before, after in zip(units.items(), *comparisons, strict=True):
-        rows = problem.of_kind(kind)
+    for kind, before, after in zip(kinds, *comparisons, strict=True):
+        rows, (unit, components) = problem.of_kind(kind), problem.kinds[kind]
         noise = np.sqrt(floor[rows])
         by_noise = size_of(problem, kind, noise)
         error_before, error_after = (size_of(problem, kind, e[rows]) for e in errors)
@@ -88,7 +140,7 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
         above_after |= above_floor(after, significance, error_after, by_noise, has_effects)
         entries[kind] = {
             "unit": unit,
-            "n": int(np.isfinite(noise).sum()) // problem.components(kind),
+            "n": int(np.isfinite(noise).sum()) // components,
             "floor": by_noise,
             "before": error_before,
             "after": error_after,
@@ -109,31 +161,31 @@ def _candidate(sensor, choices, kind):
 
     `choices` are the Choices: the searches in the record, and the effects that were added.
     """
-    problem, search, choice = choices.problem, choices.search(), choices.choice()
+    problem, choice = choices.problem, choices.choice()
     # the kind is tested with all other added effects in the model
     base = tuple(e for e in choice.effects if e.kind != kind)
     added = [trial for trial in choice.added if trial.effect.kind == kind]
-    trial = added[0] if added else search.trial(base, kind)
+    trial = added[0] if added else choices.trial(base, kind)
     if trial is None:
         # it cannot be estimated next to the base: another effect, or the base model, absorbs it
-        alike, base, trial = masking_effect(search, base, kind), (), search.trial((), kind)
+        alike, base, trial = masking_effect(choices, base, kind), (), choices.trial((), kind)
         if alike is None:
-            return untried(kind.name, "not_observable", problem.why_no_trial(search, kind))
+            return untried(kind.name, "not_observable", problem.why_no_trial)
         status, why = "confounded", f"{alike} adds all that it would: they are one in these data"
     else:
         status, why, alike = _status(choices, base, trial)
     power = problem.settings.power
-    limits, units = detection_limits(search, base, trial, power), trial.effect.units(sensor)
+    limits, units = detection_limits(choices, base, trial, power), trial.effect.units(sensor)
     reason = None
     if status == "rejected" and kind not in choice.failed:
         reason = why_not_shown(kind, limits, units)
     if reason:
         status, why, limits = "not_observable", reason, None
     elif not limits:
-        # no size would be confirmed by cross-validation: the limit is that of the test alone
-        limits = detection_limits(search, base, trial, power, must_lower_error=False)
-    residual_kind, rows = problem.most_changed_rows(search, base, trial)
-    values, std, _ = search.estimate(base, trial.effect)
+        # no size would be confirmed by cross-validation: the limit comes from the test alone
+        limits = detection_limits(choices, base, trial, power, must_lower_error=False)
+    residual_kind, rows = problem.most_changed_rows(choices, base, trial)
+    values, std, _ = choices.estimate(base, trial.effect)
     names, heldout = list(trial.effect.parameters), None
     if trial.p_value < problem.settings.significance:
         heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
@@ -160,7 +212,7 @@ def _status(choices, base, trial):
     searches and the added effects, `trial` is the Trial, the significance test, of the candidate,
     and `base` has the added effects without the candidate.
     """
-    search, choice, kind = choices.search(), choices.choice(), trial.effect.kind
+    choice, kind = choices.choice(), trial.effect.kind
     if any(trial is added for added in choice.added):
         return "added", "lowers the residual in the fit and in held-out data", None
     why = "the residual does not fall by more than chance"
@@ -169,10 +221,10 @@ def _status(choices, base, trial):
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
     elif trial.impossible:
         why = f"it would have to be larger than {kind.limit:g}, the most that is possible"
-    elif alike := twin(search, base, kind):
+    elif alike := twin(choices, base, kind):
         why = f"in these data it could stand in for {alike}: neither adds to the other"
         return "confounded", why, alike
-    elif _by_slow_noise(search, base, trial):
+    elif _by_slow_noise(choices, base, trial):
         why = "slow noise that these data do not exclude could look the same"
     return "rejected", why, None
 
@@ -195,6 +247,6 @@ def size_of(problem, kind, errors):
     """Return the root mean square norm of the errors of one kind of residual, a float.
 
     `errors`, (n, k), are the n rows of that kind, with one column for each of k axes. A residual
-    consists of `problem.components(kind)` consecutive rows, and its norm is over all of them.
+    consists of `problem.kinds[kind][1]` consecutive rows, and its norm is over all of them.
     """
-    return rms_norm(errors.reshape(-1, problem.components(kind) * errors.shape[1]))
+    return rms_norm(errors.reshape(-1, problem.kinds[kind][1] * errors.shape[1]))

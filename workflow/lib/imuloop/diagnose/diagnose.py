@@ -14,17 +14,17 @@ from imuloop.calibrate.sessions import GROUPS, largest_recording, read_poses, us
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.records.motion import diagnose_motion
-from imuloop.diagnose.records.pose_diagnosis import (
+from imuloop.diagnose.motion import diagnose_motion
+from imuloop.diagnose.poses import (
     diagnose_poses,
     pose_candidates,
     pose_problem,
 )
-from imuloop.diagnose.records.pose_tables import moves_table, poses_table
-from imuloop.diagnose.records.record_diagnosis import PoseResult
-from imuloop.diagnose.records.reference import diagnose_reference
-from imuloop.diagnose.records.rests import read_static
-from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
+from imuloop.diagnose.record import PoseResult
+from imuloop.diagnose.reference import diagnose_reference
+from imuloop.diagnose.static import diagnose_static, static_tests
+from imuloop.diagnose.static_means import read_static
+from imuloop.diagnose.tables import moves_table, poses_table
 from imuloop.estimate.verdict import not_testable, of_calibration
 from imuloop.model.calibration import Calibration
 from imuloop.model.calibration_faults import implausible_values
@@ -42,7 +42,7 @@ class Diagnosed:
 
     content: dict  # content of diagnosis.json without the next steps
     calibration: Calibration  # the model with the added effects
-    # Allan table after subtracting the effects, by session; empty if there are none
+    # Allan table after subtracting the effects, by session; empty without effects
     allan: dict
     noise: NoiseModel  # noise after subtracting the effects of the static records
     poses: PoseResult
@@ -91,32 +91,26 @@ def diagnose_device(
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
     base = Calibration.from_json(six_position if method == "six_position" else multi_position)
     data, noise = read_static(sessions), NoiseModel.from_json(noise)
-    records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
+    records = data.records(base, settings.mean_time)
     tests = settings.family * (
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # Static records come first: the poses get their effects, and the noise without these effects.
-    # A long rest in the log of the poses gives no effects: the poses themselves show them better.
+    # static records come first: the poses get their effects, and the noise without these effects
     static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
-    has_static_session = "static" in data.kinds.values()
-    static_effects, information = (), None
-    if has_static_session:
-        has_temperature = recording.poses.temperature is not None
-        static_effects, information = static.effects_at_poses(has_temperature)
     # this noise is also without a ramp, which poses do not have but which would add slow noise
-    noise = static.noise
+    noise, has_static_session = static.noise, "static" in data.kinds.values()
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns)
-    problem = None
-    if joint_fit:
-        problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
+    # a long rest in the log of the poses gives no effects: the poses themselves show them better
+    shown = static if has_static_session else None
+    problem = joint_fit and pose_problem(joint_fit, recording, settings, tests, shown)
     poses = diagnose_poses(problem, reasons)
     # a sensor whose data contradict each other keeps its nominal scale
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
-    motion = diagnose_motion(poses, recording, settings, tests, information)
+    motion = diagnose_motion(poses)
     bias_held = calibrate_settings.gyroscope_bias == "initial_rest"
     calibration = combine_calibrations(base, poses, static, records, has_static_session, bias_held)
     calibration = replace(calibration, **motion.calibrations)
@@ -245,8 +239,8 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     ----------
     calibration : Calibration
     poses : PoseResult
-        The ranges of the sensors that it calibrates come from the poses; the ranges of the
-        gyroscope come from the rotations too.
+        The diagnosis at the poses. A sensor that the poses calibrate has the ranges of its inputs
+        at the poses; the ranges of a gyroscope include the rotations between them.
     recording : Recording
         Poses and rotations.
     records : dict of str to list of StaticRecord
@@ -254,29 +248,29 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
         Effects of the static records by sensor: their ranges come from these records, too.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
+    at_poses, in_motion, sensors = {sensor: [] for sensor in SENSORS}, [], {}
     if "accelerometer" in poses.calibrations and force.effects:
+        # effects of the accelerometer depend on the output of the gyroscope
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        # the other sensor's output is what an effect of the accelerometer depends on
-        inputs["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        at_poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
         in_motion = [
             recording.rotation_channels("accelerometer", force.output, aligned, turn.aligned)
         ]
     if "gyroscope" in poses.calibrations and turn.effects:
         at_rest, in_moves = recording.calibrated_force(force)
-        inputs["gyroscope"] = [
+        at_poses["gyroscope"] = [
             recording.pose_channels("gyroscope", turn.output, at_rest),
             recording.rotation_channels("gyroscope", turn.output, in_moves),
         ]
-    for sensor in SENSORS:
-        effects, static_names = [], [effect.name for effect in static_effects[sensor]]
-        model = getattr(calibration, sensor)
+    for sensor, channels in at_poses.items():
+        model, effects = getattr(calibration, sensor), []
+        static_names = [effect.name for effect in static_effects[sensor]]
         for effect in model.effects:
-            channels = inputs[sensor]
+            data = channels
             if sensor == "accelerometer" and "motion" in effect.effect.records:
-                channels = in_motion
+                data = in_motion
             elif effect.name in static_names:
-                channels = channels + [r.channels for r in records[sensor]]
-            effects.append(effect.with_ranges(channels))
+                data = channels + [r.channels for r in records[sensor]]
+            effects.append(effect.with_ranges(data))
         sensors[sensor] = replace(model, effects=tuple(effects))
     return replace(calibration, **sensors)

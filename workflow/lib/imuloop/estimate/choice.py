@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuloop.estimate.error_ratio import ErrorChange, ratio_interval
+from imuloop.estimate.held_out import ErrorChange, ratio_interval
 from imuloop.estimate.search import Search, Trial, kinds_of
 
 
@@ -24,8 +24,8 @@ class Choice:
         return tuple(trial.effect for trial in self.added)
 
 
-class Choices:
-    """The choice of effects for a problem, with the searches and errors of cross-validation.
+class Choices(Search):
+    """The Search in all rows, with the choice of effects and the errors of cross-validation.
 
     The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
     the rows (scalar residuals) of one kind of record; their folds, the groups of rows that are held
@@ -33,14 +33,11 @@ class Choices:
     """
 
     def __init__(self, problem):
-        self.problem = problem
+        super().__init__(problem, held_out=frozenset())
         self._searches, self._errors, self._choice = {}, {}, None
 
-    def search(self, held_out=frozenset()):
-        """Return the Search for effects in the rows that are in no fold of `held_out`.
-
-        `held_out` is a frozenset of int; by default all rows are searched.
-        """
+    def search(self, held_out):
+        """Return the Search in the rows that are in no fold of `held_out`, a frozenset of int."""
         if held_out not in self._searches:
             self._searches[held_out] = Search(self.problem, held_out)
         return self._searches[held_out]
@@ -62,7 +59,7 @@ class Choices:
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
-            # each fold has a fit of its own, and all together need much memory
+            # each fold has its own fit, and all together need much memory
             search.training_fit(effects).release()
         return errors
 
@@ -93,7 +90,7 @@ class Choices:
             trials = None
             while trials is None:
                 effects, trials = self._confirm(effects, failed)
-            pairs = zip(effects, self.search().refine(effects), strict=True)
+            pairs = zip(effects, self.refine(effects), strict=True)
             added = tuple(replace(trials[effect], effect=refined) for effect, refined in pairs)
             self._choice = Choice(added, failed)
         return self._choice
@@ -105,21 +102,21 @@ class Choices:
         -------
         tuple of Effect
             `effects`, which are in the model already, and the next ones; `effects` itself if none
-            lowers the held-out errors for certain.
+            lowers the held-out errors with confidence.
         dict
             The effects that were tried and failed: by kind, the 95 % interval, [low, high], of the
             ratio of held-out errors with the effect to those without.
         """
-        search, failed = self.search(), {}
-        while best := search.best_trial(effects, [k for k in search.kinds if k not in failed]):
+        failed = {}
+        while best := self.best_trial(effects, [k for k in self.kinds if k not in failed]):
             extended, change = self._extend(effects, best)
             if change.certain:
                 return extended, failed
             failed[best.effect.kind] = change.ratio
         # a second effect that the model lacks can hide that the first one lowers the errors
-        further_kinds = [kind for kind in search.kinds if kind not in failed]
-        for first in [search.trial(effects, kind) for kind in failed]:
-            if second := search.best_trial((*effects, first.effect), further_kinds):
+        further_kinds = [kind for kind in self.kinds if kind not in failed]
+        for first in [self.trial(effects, kind) for kind in failed]:
+            if second := self.best_trial((*effects, first.effect), further_kinds):
                 extended, change = self._extend(effects, first, second.effect)
                 if change.certain:
                     return extended, failed
@@ -131,7 +128,7 @@ class Choices:
         `effects` are in the model already, `trial` is the Trial of the first effect to add, and
         `further` are other effects to add. The constants of all but the last are chosen again.
         """
-        extended = self.search().with_best_variants((*effects, trial.effect, *further))
+        extended = self.with_best_variants((*effects, trial.effect, *further))
         self.problem.refit(extended)
         return extended, self._error_change(effects, trial, extended)
 
@@ -148,11 +145,11 @@ class Choices:
             The test of each effect; None if one failed. The argument `failed`, a dict, then gets
             the 95 % interval of the effect's error ratio under its kind.
         """
-        search, trials = self.search(), {}
-        # effects of time are removed first, before those of temperature
+        trials = {}
+        # effects of time are removed before effects of temperature
         for effect in sorted(effects, key=lambda e: not e.after_temperature):
             other_effects = tuple(e for e in effects if e is not effect)
-            trial = search.test(other_effects, effect)
+            trial = self.test(other_effects, effect)
             # without a trial the other effects explain all that this one does
             if trial is None:
                 return other_effects, None
@@ -161,7 +158,7 @@ class Choices:
                 failed[effect.kind] = change.ratio
                 return other_effects, None
             # the p-value counts how many variants of the effect were tried
-            best_trial = search.trial(other_effects, effect.kind)
+            best_trial = self.trial(other_effects, effect.kind)
             tries = best_trial.tries if best_trial else 0.0
             trials[effect] = replace(trial, log_p=trial.log_p + tries, tries=tries, change=change)
         return effects, trials
@@ -170,7 +167,7 @@ class Choices:
         """Return the ErrorChange from a model with `effects` to one with the `extended` effects.
 
         `trial` is the Trial of an effect that only the second model has. The ratio of held-out
-        errors is that of the axis on which the trial has the smallest p-value. If this axis does
+        errors is taken on the axis on which the trial has the smallest p-value. If this axis does
         not show that the errors fall, but all axes together do, it is the ratio of all axes, with
         the errors of each axis divided by their root mean square without the effect.
         """
@@ -179,11 +176,11 @@ class Choices:
             before, after = (self.errors_with(kinds_of(e)) for e in (effects, extended))
         except np.linalg.LinAlgError:
             # with few folds, the rows without one of them may not determine the parameters: then
-            # the errors do not fall for certain
+            # the errors do not fall with confidence
             empty = np.zeros((0, 1))
             return ErrorChange(residual_kind="", before=empty, after=empty, ratio=[np.inf, np.inf])
         # the kind of residual, as rotations, that the effect changes most, and the mask of its rows
-        residual_kind, rows = problem.most_changed_rows(self.search(), effects, trial)
+        residual_kind, rows = problem.most_changed_rows(self, effects, trial)
         index = np.arange(len(before))[rows]
         index = index[np.isfinite(before[index, 0]) & np.isfinite(after[index, 0])]
         before, after, folds = before[index], after[index], problem.fold_of_row[index]

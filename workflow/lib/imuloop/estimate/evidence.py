@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.training_fit import TrainingFit
 
 
@@ -123,7 +123,7 @@ class Evidence:
         """
         new, numbers = [], []
         for vector in vectors:
-            # equal columns, as of a parameter that acts alike on all axes, are stored once
+            # equal columns are stored once: a parameter may act in the same way on all axes
             key = vector.tobytes()
             if key not in self._numbers:
                 self._numbers[key] = len(self._numbers)
@@ -137,7 +137,7 @@ class Evidence:
             # of each group: its list of products, one of shape (h, n) for each column, and its rows
             # of the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
-                weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
+                weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0).copy())
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
@@ -179,6 +179,22 @@ class Evidence:
         There is a column for each parameter that the rows of the axis, an index, depend on.
         """
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
+
+    def parameters_of(self, effects, axis):
+        """Return to which parameters the columns of some effects on one axis, an index, belong.
+
+        Returns
+        -------
+        ndarray, shape (k,) of int
+            For each of their k columns the index of its parameter in the list of all parameters of
+            `effects`.
+        ndarray, shape (k,)
+            The norm that each column was divided by: its coefficient is the parameter times this.
+        """
+        starts = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        patterns = self.patterns(effects)
+        index = [i + k for i, p in zip(starts, patterns, strict=False) for k in p.parameters[axis]]
+        return np.array(index, int), np.concatenate([[], *(p.scale[axis] for p in patterns)])
 
     def with_noise(self, noise):
         """Return the Evidence of the same rows with other noise hypotheses.
@@ -224,7 +240,7 @@ class Evidence:
         if held_out not in self._training_fits:
             masks = (np.isin(g.row_folds, list(held_out)).any(axis=1) for g in self.row_groups)
             held_rows = tuple(np.flatnonzero(mask) for mask in masks)
-            self._training_fits[held_out] = TrainingFit(self, held_rows, self.residual_columns)
+            self._training_fits[held_out] = TrainingFit(self, held_rows)
         return self._training_fits[held_out]
 
     def release(self):

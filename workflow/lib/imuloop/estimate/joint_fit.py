@@ -1,8 +1,8 @@
 """The joint fit of accelerometer and gyroscope to the rests and moves of a recording.
 
-A rest is a pose at rest, a move is what lies between two rests. The state x has the parameters of
-both sensors, 21, and then those of the effects, in nominal SI: raw readings less the data sheet's
-offset, times its scale.
+A rest is a pose at rest, a move is what lies between two rests. The state x has the 21 parameters
+of both sensors and then the parameters of the effects, in nominal SI: raw readings less the data
+sheet's offset, times its scale.
 """
 
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class JointFit:
         The distribution of x before the data, by the data sheet or the device family. It is written
         into the calibrations.
     known : (ndarray, ndarray)
-        What is known of x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
+        Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
         independent components of variance one. It includes `prior`, and turns by known angles.
     method : str
         Kind of the sessions that were recorded; it is written into the calibrations.
@@ -76,8 +76,8 @@ class JointFit:
     def measure(self, x, recording, effects=()):
         """Return the Measurements of a recording, with effects linearised about a state.
 
-        The state x, (p,), has the 21 parameters of both sensors and then those of `effects`, a
-        sequence of SensorEffect.
+        The state x, (p,), has the 21 parameters of both sensors and then the parameters of
+        `effects`, a sequence of SensorEffect.
         """
         return self.factors.about(recording, State(x, tuple(effects)))
 
@@ -91,8 +91,8 @@ class JointFit:
     def noise_components(self, linearised, prior_count):
         """Return the parts of the covariance of N residuals by noise of known and unknown size.
 
-        The N residuals are those of the Linearised factors `linearised`, and then `prior_count`
-        residuals of a prior, which are independent and have variance one.
+        The first of the N residuals come from the Linearised factors `linearised`. The last
+        `prior_count` residuals come from a prior: they are independent and have variance one.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class JointFit:
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
-            values, jacobian = _with_prior(linearised, R, z)
+            values, jacobian = with_prior(linearised, x, (R, z))
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
@@ -189,7 +189,7 @@ class JointFit:
                 break
         # χ² uses the covariance of the noise model, without the excess
         owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
-        owners, (values, jacobian) = np.unique(owner[:n]), _with_prior(measured.at(x), R, z)
+        owners, (values, jacobian) = np.unique(owner[:n]), with_prior(measured.at(x), x, (R, z))
         squares, _ = chi_square(values, estimated, jacobian, [owner == name for name in owners])
         reduced = (chi2 / dof if dof > 0 else None for chi2, dof in squares)
         reduced = dict(zip(owners.tolist(), reduced, strict=True))
@@ -198,7 +198,7 @@ class JointFit:
     def calibrations(self, solution, covariance=None):
         """Return the SensorCalibration of each estimated sensor, a dict by name, from a Fit.
 
-        `covariance`, (p, p), is that of the p estimates; by default the covariance of the Fit times
+        `covariance`, (p, p), belongs to the p estimates; by default the covariance of the Fit times
         its reduced χ², if that is above one.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
@@ -223,11 +223,12 @@ class JointFit:
         return calibrations
 
 
-def _with_prior(linearised, R, z):
+def with_prior(linearised, x, prior):
     """Return residuals, (N,), and their Jacobian, (N, p), of a recording and then of a prior.
 
-    `linearised` has the residuals and the Jacobian of the recording at the state x, (p,). The prior
-    has the residuals ``R x - z`` with R, (k, p), and z, (k,).
+    `linearised` has the residuals and the Jacobian of the recording at the parameters x, (p,). The
+    prior, R, (k, p), and z, (k,), has the residuals ``R x - z``.
     """
-    values = np.append(linearised.residual, R @ linearised.state.x - z)
+    R, z = prior
+    values = np.append(linearised.residual, R @ x - z)
     return values, np.concatenate([linearised.jacobian, R])

@@ -95,10 +95,17 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
     R, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
     x = np.array(x0, dtype=float)
-    linearised = keep_last_result(linearise, x, first)
+    # the solver asks for the residuals at x and then for their Jacobian at the same x
+    last = [(None, None) if first is None else (x.copy(), first)]
+
+    def linearised(x):
+        """Return the result of `linearise` at x, the last one if x has not changed."""
+        if not np.array_equal(last[0][0], x):
+            last[0] = x.copy(), linearise(x)
+        return last[0][1]
 
     def residual(x):
-        """Return the whitened residuals and those of the prior, (n + k,), of variance one."""
+        """Return the whitened residuals and the prior's residuals, (n + k,), of variance one."""
         return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
@@ -118,30 +125,11 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     return Fit(x, covariance=covariance, chi2=float(white @ white), dof=dof, white=white)
 
 
-def keep_last_result(function, x=None, result=None):
-    """Return a version of `function` that stores the last array x and the result for it.
-
-    A second call with the same x returns the stored result. A solver needs this: it asks for the
-    residuals at x and often for their Jacobian at the same x. The stored pair is `x` and `result`
-    at first, if they are given.
-    """
-    last = None if result is None else (x.copy(), result)
-
-    def stored(x):
-        """Return the result for x: the stored one if x equals the last x."""
-        nonlocal last
-        if last is None or np.any(last[0] != x):
-            last = x.copy(), function(x)
-        return last[1]
-
-    return stored
-
-
 def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
     The p parameters are fitted again to all residuals, by one linear step, as the weights may
-    differ from those of the fit that gave the residuals.
+    differ from the weights of the fit that gave the residuals.
 
     Parameters
     ----------
@@ -179,7 +167,7 @@ def chi_square(values, covariance, jacobian, groups):
         # rounding can make the square of constant residuals negative
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
-    # whitened residuals without what the parameters explain
+    # whitened residuals without the part that the parameters explain
     rest = white[:, 0] - q @ (q.T @ white[:, 0])
     likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
     return squares, float(likelihood)

@@ -13,18 +13,21 @@ import numpy as np
 SHARE = 8 / 9
 # share from which on two patterns count as the same
 ONE = 0.999
+# columns of length one are linearly dependent if their Gram matrix has such a small eigenvalue
+SINGULAR = 1e-9
 
 
 def share_on_axes(training_fit, first, second):
     """Return the share of the first effect that the second one imitates, a float from 0 to 1.
 
-    The share is that of the square of the first effect which the second one explains, whatever the
-    parameters of the first. It is taken on the axis with the least share, of those on which the
-    first effect acts. `training_fit` is the TrainingFit of the rows.
+    The second effect explains at least this share of the square of the first one, for any
+    parameters of the first. The share is taken on the axis with the least share, of those on which
+    the first effect acts. `training_fit` is the TrainingFit of the rows.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
-    # by axis, the numbers of the columns of both effects; without columns an effect does not act
-    pairs = zip(first_pattern.columns, second_pattern.columns, strict=True)
+    # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
+    # effect without columns on an axis does not act there
+    pairs = set(zip(first_pattern.columns, second_pattern.columns, strict=True))
     return min(imitated_share(training_fit, one, other) for one, other in pairs if one)
 
 
@@ -33,10 +36,10 @@ def imitated_share(training_fit, first, second):
 
     The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
     derivatives of all rows with respect to their parameters, after the nuisance parameters, which
-    every fit has, are projected out. The second effect explains at
-    least this share of the square of the first one, whatever the parameters of the first. The share
-    is zero if the second has fewer columns. Products of columns are weighted with the inverse of
-    the noise covariance that is likeliest without effects.
+    every fit has, are projected out. The second effect explains at least this share of the square
+    of the first one, for any parameters of the first. The share is zero if the second has fewer
+    columns. Products of columns are weighted with the inverse of the noise covariance that is
+    likeliest without effects.
 
     Parameters
     ----------
@@ -51,26 +54,17 @@ def imitated_share(training_fit, first, second):
     # axis 0 stands for all: the noise of the axes differs by a factor only
     hypothesis = training_fit.hypothesis(training_fit.fit((), 0))
     gram = training_fit.products(columns, columns)[hypothesis]
-    roots = [_root(gram[:k, :k]), _root(gram[k:, k:])]
-    if any(root is None for root in roots):
-        return 0.0
-    # singular values between orthonormal columns of both: the least belongs to the largest angle
-    cosines = np.linalg.svd(roots[0] @ gram[:k, k:] @ roots[1].T, compute_uv=False)
-    return float(cosines[-1] ** 2)
-
-
-def _root(gram):
-    """Return R, (k, k), with ``R G Rᵀ = 1`` for the Gram matrix G, (k, k); None if G is singular.
-
-    R makes k columns orthonormal; G has their products.
-    """
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not size.all():
-        return None
-    values, axes = np.linalg.eigh(gram / np.outer(size, size))
-    if values[0] <= 1e-9:
-        return None
-    return (axes / np.sqrt(values)).T / size
+        return 0.0
+    gram = gram / np.outer(size, size)
+    blocks = gram[:k, :k], gram[k:, k:]
+    if min(np.linalg.eigvalsh(block)[0] for block in blocks) <= SINGULAR:
+        return 0.0
+    # singular values between orthonormal columns of both: the least belongs to the largest angle
+    roots = [np.linalg.cholesky(block) for block in blocks]
+    mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[k:, :k]).T)
+    return float(np.linalg.svd(mixed, compute_uv=False)[-1] ** 2)
 
 
 def imitations(search, kinds):

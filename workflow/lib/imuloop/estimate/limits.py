@@ -12,9 +12,8 @@ from scipy.linalg import block_diag
 from scipy.special import ncfdtri, ndtri, stdtrit
 
 from imuloop.core.fisher import fisher
-from imuloop.estimate.error_ratio import cut_folds
-from imuloop.estimate.p_values import averaged_log_p
-from imuloop.estimate.residuals import fold_fits
+from imuloop.estimate.axis_fit import averaged_log_p
+from imuloop.estimate.held_out import cut_folds, fold_fits
 from imuloop.estimate.verdict import MARGIN
 
 # log p-value of an axis on which the effect is zero: the median
@@ -34,10 +33,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     """Return the least size of each parameter of an effect that these data would show.
 
     For each limit the data are assumed to have the effect with this one parameter. The time
-    constant or width in the data differs by the factor `BETWEEN` from that of the tested effect,
-    as the true one lies between two values of the grid that is searched. The limit is the least of
-    the `SIZES` that passes the significance test with the probability `power` and lowers the
-    held-out error with confidence. Both conditions are computed from expected values, without
+    constant or width in the data differs by the factor `BETWEEN` from the constant of the tested
+    effect, as the true one lies between two values of the grid that is searched. The limit is the
+    least of the `SIZES` that passes the significance test with the probability `power` and lowers
+    the held-out error with confidence. Both conditions are computed from expected values, without
     random data. For an effect that slow noise imitates, the noise is estimated again with the
     effect in the data.
 
@@ -59,26 +58,22 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     dict of str to float
         The limits, SI, by name of the parameter. A parameter that no size shows is left out.
     """
-    problem, effect, limits = search.problem, trial.effect, {}
+    problem, limits = search.problem, {}
     training_fit = search.training_fit(base)
-    pattern, moved = training_fit.evidence.patterns((effect, effect.moved(BETWEEN)))
-    # the test multiplies the p-value by the number of variants that were tried
-    threshold = search.threshold(len(base)) - trial.tries
-    # the axes that do not have the parameter show p-values in the middle of chance
-    other_log_p = (trial.axes - 1) * [CHANCE]
+    pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
     for axis, columns in enumerate(moved.columns):
-        fit = training_fit.fit((*base, effect), axis) if pattern.columns[axis] else None
+        fit = training_fit.fit((*base, trial.effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
         test = AxisTest(
             training_fit=training_fit,
             base=base,
-            effect=effect,
+            trial=trial,
             axis=axis,
             columns=columns,
             power=power,
-            threshold=threshold,
-            other_log_p=other_log_p,
+            # the test multiplies the p-value by the number of variants that were tried
+            threshold=search.threshold(len(base)) - trial.tries,
         )
         # information about each column under the likeliest noise hypothesis
         information = test.chi_square_drop() / fit.scale[:, None]
@@ -89,7 +84,7 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
         passes = shown & test.passes(sizes)
         if must_lower_error:
             passes &= test.lowers_error(problem, sizes)
-        if problem.is_like_slow_noise(effect):
+        if problem.is_like_slow_noise(trial.effect):
             for k, column in enumerate(columns):
                 column_test, part = replace(test, columns=(column,)), np.s_[:, [k]]
                 passes[part] &= column_test.passes_with_slow_noise(
@@ -98,9 +93,9 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
         first = first_size(passes)
         for k, index in enumerate(moved.parameters[axis]):
             if first[k] < len(SIZES):
-                name = list(effect.parameters)[index]
+                name = list(trial.effect.parameters)[index]
                 limits[name] = float(sizes[first[k], k] / moved.scale[axis][k])
-    return {name: limits[name] for name in effect.parameters if name in limits}
+    return {name: limits[name] for name in trial.effect.parameters if name in limits}
 
 
 def first_size(passes):
@@ -124,17 +119,16 @@ class AxisTest:
 
     training_fit: object  # TrainingFit of all rows
     base: tuple  # effects that are in the model already
-    effect: object  # the effect that is tested
+    trial: object  # Trial of the effect that is tested
     axis: int  # index of the axis
     columns: tuple  # numbers, in the Evidence, of the q columns that the data may have
     power: float  # probability with which the test has to find the effect
     threshold: float  # largest logarithm of a p-value that passes
-    other_log_p: list  # logarithm of the p-value of each other axis
 
     @property
     def fits(self):
         """List of two Fits of the axis to the rows, without the effect and with it."""
-        extended = (*self.base, self.effect)
+        extended = (*self.base, self.trial.effect)
         return [self.training_fit.fit(effects, self.axis) for effects in (self.base, extended)]
 
     def chi_square_drop(self):
@@ -144,7 +138,9 @@ class AxisTest:
         without the effect minus χ² of the fit with it.
         """
         columns_of, drops = self.training_fit.evidence.columns_of, []
-        base, extended = (columns_of(e, self.axis) for e in (self.base, (*self.base, self.effect)))
+        base, extended = (
+            columns_of(e, self.axis) for e in (self.base, (*self.base, self.trial.effect))
+        )
         columns = (*extended, *self.columns)
         gram = self.training_fit.products(columns, columns)
         # a fit of the first n columns explains gᵀ G⁻¹ g of χ², with the products g with the data
@@ -156,11 +152,11 @@ class AxisTest:
     def passes(self, sizes):
         """Return which sizes pass the test with the probability `power`, (s, q) of bool.
 
-        Under each noise hypothesis the F statistic of the test has the noncentrality
-        ``size² drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated
-        factor on the covariance of the noise. The lower quantile of F gives the p-value that is
-        reached with the probability `power`. These p-values are averaged over the hypotheses, and
-        combined with those of the other axes by Fisher's method.
+        Under each noise hypothesis the F statistic of the test has the noncentrality ``size²
+        drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated factor
+        on the covariance of the noise. The lower quantile of F gives the p-value that is reached
+        with the probability `power`. These p-values are averaged over the hypotheses, and combined
+        with the p-values of the other axes by Fisher's method.
         """
         without, fit = self.fits
         # number of parameters that the effect adds
@@ -176,7 +172,8 @@ class AxisTest:
             for f, x in ((fit, chi2), (without, chi2 + q * scale * lowest))
         )
         log_p = averaged_log_p(expected_without, expected, q)
-        return fisher([log_p, *self.other_log_p]) < self.threshold
+        # the axes that do not have the parameter show p-values in the middle of chance
+        return fisher([log_p, *[CHANCE] * (self.trial.axes - 1)]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
         """Return which sizes pass the significance test if the effect resembles slow noise.
@@ -204,7 +201,7 @@ class AxisTest:
             return passes
         evidence = self.training_fit.evidence
         column = evidence.columns[self.columns[0]]
-        values = self.training_fit.residuals((*self.base, self.effect), self.axis)
+        values = self.training_fit.residuals((*self.base, self.trial.effect), self.axis)
         noise = problem.noise_with(self.base, values + GROWN * sizes[first, 0] * column)
         evidence = evidence.with_noise(noise)
         columns = evidence.add_columns([column])
@@ -241,7 +238,8 @@ class AxisTest:
         # `weights` the inverse of that covariance
         scale, weights = fit.scale[h], block_diag(*(g.noise.precision[h] for g in groups))
         base, pattern = (
-            evidence.matrix(evidence.columns_of(e, self.axis)) for e in (self.base, (self.effect,))
+            evidence.matrix(evidence.columns_of(e, self.axis))
+            for e in (self.base, (self.trial.effect,))
         )
         # the model without the effect: nuisance parameters, which are in every fit, and the base
         base = np.column_stack([block_diag(*(g.nuisance for g in groups)), base])
@@ -253,7 +251,7 @@ class AxisTest:
         c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit
         v = scale * evidence.held_out_variance(h) / unit[:, 0] ** 2
         # expected d V dᵀ of each row, and d V summed over the rows of each kind of residual
-        kinds = np.array(problem.rows_by_kind()) & (folds[:, 0] >= 0)
+        kinds = np.array([problem.of_kind(kind) for kind in problem.kinds]) & (folds[:, 0] >= 0)
         dVd, by_kind = np.zeros(len(folds)), 0.0
         for fold, inverse in inverses.items():
             rows, V = folds[:, 0] == fold, scale * inverse[base.shape[1] :, base.shape[1] :]

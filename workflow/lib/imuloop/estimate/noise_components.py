@@ -47,10 +47,8 @@ def total_covariance(fixed, components, sizes):
     `fixed` is the part Σ₀ of known size, (n, n). `components` are the Components, whose covariance
     at size one is V_k, (n, n), and `sizes` are their sizes s_k.
     """
-    covariance = np.array(fixed)
-    for size, component in zip(sizes, components, strict=True):
-        covariance += size**2 * component.covariance
-    return covariance
+    parts = (size**2 * c.covariance for size, c in zip(sizes, components, strict=True))
+    return sum(parts, start=fixed)
 
 
 def likely_sizes(values, jacobian, fixed, components, start=None):
@@ -80,20 +78,6 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     if not components:
         return np.zeros(0)
     return SizeLikelihood(jacobian, fixed, components).maximise(values, start)
-
-
-@dataclass(frozen=True)
-class Projection:
-    """The terms of the likelihood at given sizes that do not depend on the residuals.
-
-    Σ is the covariance of the n residuals at these sizes, J their Jacobian, and V_k the covariance
-    by component k at size one.
-    """
-
-    squares: np.ndarray  # (k,): squares of the sizes
-    matrix: np.ndarray  # (n, n): P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹
-    log_det: float  # (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2
-    trace: np.ndarray  # (k,): trace of P V_k
 
 
 class SizeLikelihood:
@@ -127,6 +111,7 @@ class SizeLikelihood:
 
         A size may be up to `FARTHEST` standard deviations above its prior value.
         """
+        self.components = components
         self.prior_sizes = np.array([c.size for c in components])
         self.deviations = np.array([c.deviation for c in components])
         self.weight = self.deviations**-2.0
@@ -140,41 +125,40 @@ class SizeLikelihood:
         """Return the covariance Σ of the residuals, (n, n), at squares of the sizes, (k,)."""
         return self.fixed + (squares @ self.covariances).reshape(self.fixed.shape)
 
-    def _project(self, squares):
-        """Return the Projection, which has ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, at some sizes.
-
-        `squares`, (k,), are the squares of the sizes; they are clipped to their bounds first.
-        """
-        squares = np.clip(squares, TINY**2, self.largest_squares)
-        inverse, root = precision(self.covariance(squares))
-        q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
-        back = solve_triangular(root, q, lower=True, trans=1)
-        matrix = inverse - back @ back.T
-        log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
-        trace = self.covariances @ matrix.ravel()
-        return Projection(squares, matrix=matrix, log_det=log_det, trace=trace)
-
-    def _loss_and_derivatives(self, values, projection):
+    def terms(self, values, squares):
         """Return minus the log of likelihood times prior, its gradient and its information.
 
         The gradient, (k,), and the average information, (k, k), are those with respect to the
-        squares of the sizes. `values` are the residuals, (n,), and `projection` has the terms of
-        the likelihood at the sizes.
+        squares of the sizes.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+            Residuals r.
+        squares : ndarray, shape (k,)
+            Squares of the sizes, within their bounds.
         """
-        n, sizes = len(values), np.sqrt(projection.squares)
-        weighted, change = projection.matrix @ values, sizes - self.prior_sizes
+        inverse, root = precision(self.covariance(squares))
+        q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
+        back = solve_triangular(root, q, lower=True, trans=1)
+        # P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹, and the trace of P V_k for each component
+        P = inverse - back @ back.T
+        trace = self.covariances @ P.ravel()
+        log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
+        n, sizes = len(values), np.sqrt(squares)
+        weighted, change = P @ values, sizes - self.prior_sizes
         chi2 = values @ weighted
-        loss = projection.log_det + (chi2 + self.weight @ change**2) / 2
+        loss = log_det + (chi2 + self.weight @ change**2) / 2
         products = (self.covariances.reshape(-1, n) @ weighted).reshape(-1, n)
-        gradient = (projection.trace - products @ weighted + self.weight * change / sizes) / 2
+        gradient = (trace - products @ weighted + self.weight * change / sizes) / 2
         # at an upper bound the residuals may stay too large: the information is not scaled then
-        within = np.all(projection.squares < self.largest_squares)
+        within = np.all(squares < self.largest_squares)
         excess = max(1.0, chi2 / (n - self.jacobian.shape[1])) if within else 1.0
-        information = products @ projection.matrix @ products.T / (2 * excess)
+        information = products @ P @ products.T / (2 * excess)
         # second derivative of the prior's term with respect to s²
         of_prior = self.weight * self.prior_sizes / (4 * sizes**3)
         # the small term keeps the matrix positive definite
-        return loss, gradient, information + np.diag(of_prior + 1e-12 * projection.trace**2)
+        return loss, gradient, information + np.diag(of_prior + 1e-12 * trace**2)
 
     def maximise(self, values, start=None, rise=RISE):
         """Return the most likely sizes, (k,), of the k components for n residuals.
@@ -204,24 +188,25 @@ class SizeLikelihood:
             # a component with the prior value zero starts from a small size, off its bound
             small = 0.3 * np.minimum(self.deviations, 1.0)
             start = np.where(self.prior_sizes > 0, self.prior_sizes, small)
-        point, damping = self._project(start**2), 1e-3
-        loss, gradient, information = self._loss_and_derivatives(values, point)
+        least, damping = TINY**2, 1e-3
+        squares = np.clip(start**2, least, self.largest_squares)
+        loss, gradient, information = self.terms(values, squares)
         for _ in range(STEPS):
             # the minimum of the quadratic approximation within the bounds
             root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
             target = solve_triangular(root, -gradient, trans=1)
-            bounds = TINY**2 - point.squares, self.largest_squares - point.squares
+            bounds = least - squares, self.largest_squares - squares
             step = lsq_linear(root, target, bounds, method="bvls").x
             if -gradient @ step < rise:
                 break
-            trial = self._project(point.squares + step)
-            state = self._loss_and_derivatives(values, trial)
-            if state[0] <= loss + 1e-12 * abs(loss):
-                point, (loss, gradient, information), damping = trial, state, damping / 10
+            trial = np.clip(squares + step, least, self.largest_squares)
+            terms = self.terms(values, trial)
+            if terms[0] <= loss + 1e-12 * abs(loss):
+                squares, (loss, gradient, information), damping = trial, terms, damping / 10
             else:
                 damping *= 10
         else:
             if -gradient @ step > UNSETTLED:
                 raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
         # a size at the least bound is zero
-        return np.where(point.squares > 1.01 * TINY**2, np.sqrt(point.squares), 0.0)
+        return np.where(squares > 1.01 * least, np.sqrt(squares), 0.0)

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.core.fisher import fisher
-from imuloop.estimate.axis_fit import combined_axes
-from imuloop.estimate.error_ratio import ErrorChange
+from imuloop.estimate.axis_fit import combined_axes, log_p_values
+from imuloop.estimate.held_out import ErrorChange
 from imuloop.estimate.likeness import ONE, share_on_axes
-from imuloop.estimate.p_values import log_p_values
 from imuloop.model.effect import Effect
 
 # two variants are equally significant if their log p differs by less than this share
@@ -52,7 +51,8 @@ def _of_temperature(effect):
 class Trial:
     """The significance test of one effect added to a model.
 
-    Of the variants of the effect, which differ in the values of its constants, it has the best one.
+    The effect has variants, which differ in the values of its constants; the best variant was
+    tested.
     """
 
     effect: Effect  # the best variant
@@ -157,7 +157,7 @@ class Search:
         It is None if the base has the kind, or if no variant can be estimated. Most kinds have a
         list of variants. A kind with too many, such as steps at any time, has a scan, a function
         that finds the best one. With `may_give_up` the result is also None if the scan stops early,
-        because its first step is no clearer than chance.
+        because its first step is not clearer than chance.
         """
         if kind in kinds_of(base):
             return None
@@ -169,7 +169,8 @@ class Search:
                 self._trials[key] = self.problem.scans[kind](self, base, may_give_up)
             else:
                 variants = self.problem.variants[kind]
-                # a variant with a price pays for itself, so it counts as exp(-price) tries
+                # the price of a variant was added to its log p already, so that such a variant
+                # counts as a try with the weight exp(-price)
                 tries = np.log(sum(np.exp(-variant.price) for variant in variants))
                 self._trials[key] = self.best_variant(base, variants, tries)
         return self._trials[key]
@@ -229,15 +230,14 @@ class Search:
         can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
-        (pattern,) = training_fit.evidence.patterns((effect,))
-        for axis, columns in enumerate(pattern.columns):
-            index, scale = pattern.parameters[axis], pattern.scale[axis]
-            fit = training_fit.fit((*base, effect), axis) if columns else None
+        for axis in range(training_fit.evidence.axes):
+            index, scale = training_fit.evidence.parameters_of((effect,), axis)
+            fit = training_fit.fit((*base, effect), axis) if len(index) else None
             if fit is not None:
-                # the last coefficients are those of the effect; each is a parameter times `scale`
-                coefficients, covariance = fit.average()
-                covariance = covariance[-len(columns) :, -len(columns) :] / np.outer(scale, scale)
-                estimates.append((index, coefficients[-len(columns) :] / scale, covariance))
+                # the last coefficients belong to the effect; each is a parameter times `scale`
+                coefficients, covariance = (x[..., -len(index) :] for x in fit.average())
+                covariance = covariance[-len(index) :] / np.outer(scale, scale)
+                estimates.append((index, coefficients / scale, covariance))
         values, covariance = combined_axes(len(effect.parameters), estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
@@ -261,9 +261,9 @@ class Search:
         """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if the size of its log p is at least half that
-        of the other's (`AS_CLEARLY`), as the log shows its cause. Formulas, effects without a known
-        cause, are tried if no other effect passes. `base` has the effects in the model.
+        an effect of time or of the past temperature if its log p has at least half the size
+        (`AS_CLEARLY`) of the other's log p, as the log shows its cause. Formulas, effects without a
+        known cause, are tried if no other effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
@@ -273,7 +273,7 @@ class Search:
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
         one of time or of the past temperature if the size of its log p is at least the share
-        `AS_CLEARLY` of that of the other's. `base` has the effects in the model.
+        `AS_CLEARLY` of the size of the other's log p. `base` has the effects in the model.
         """
         trials = [self.trial(base, kind, may_give_up=True) for kind in kinds]
         passing = [
@@ -326,8 +326,9 @@ class Search:
     def refine(self, effects):
         """Return the effects with refined constants, a tuple.
 
-        The search takes the constants, such as a time constant, from a grid. Here those of one
-        effect after the other are multiplied or divided by the `FACTORS` if the likelihood rises.
+        The search takes the constants, such as a time constant, from a grid. Here the constants of
+        one effect after the other are multiplied or divided by the `FACTORS` if the likelihood
+        rises.
         """
         for i, effect in enumerate(effects):
             other_effects = effects[:i] + effects[i + 1 :]

@@ -3,7 +3,7 @@
 A row is one scalar residual. A noise hypothesis is one of h covariances that the noise of the rows
 may have. A column is the derivative of all rows with respect to one parameter of an effect, on one
 axis. Nuisance parameters, as the level of each record, are in every fit. A fold has the rows that
-cross-validation holds out together; the training rows are those of no held-out fold.
+cross-validation holds out together; the training rows are all others.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ ROUNDING = 1e-12
 
 @dataclass
 class TrainingFit:
-    """Least squares of the training rows, which are all rows but those of held-out folds.
+    """Least squares of the training rows, which are all rows outside the held-out folds.
 
     All products of columns use P̃, the inverse of the covariance of the training rows after the
     nuisance parameters, which are in every fit, are projected out. For columns x and y of a group
@@ -37,21 +37,21 @@ class TrainingFit:
 
     evidence: object  # the Evidence with all rows
     held_rows: tuple  # for each group, indices of the rows that depend on a held-out fold
-    residual_columns: tuple  # for each axis, number of the column that holds its residuals
-    # by column number: its corrections, (h, u) for each group
-    _corrections: dict = field(default_factory=dict)
-    # by column number: its square by the first hypothesis, with the nuisance parameters in it
-    _squares: dict = field(default_factory=dict)
+    # by column number: its corrections, (h, u) for each group, and its square by the first
+    # hypothesis, with the nuisance parameters in it
+    _columns: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
+    # by group and hypothesis: information about a step before each row, (n,)
+    _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
         """For each group of rows R, (h, u, u), upper triangular, with ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
         U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
-        unit vector for each held-out row: with a parameter of its own, the row has no influence.
-        Then it has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse
-        of the covariance of the rows under each of h noise hypotheses.
+        unit vector for each held-out row: with its own parameter, the row has no influence. Then it
+        has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse of the
+        covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
         groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
@@ -91,11 +91,11 @@ class TrainingFit:
     def products(self, first, second):
         """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), under h noise hypotheses.
 
-        `first` has the numbers, in the Evidence, of the k columns Y, and `second` those of the m
-        columns Z. P̃ is the precision of the training rows without the nuisance parameters. A
-        product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all groups of rows.
-        P is the precision of all rows of a group; U has a unit vector for each held-out row, and
-        the derivative of the rows by the nuisance parameters.
+        `first` has the numbers, in the Evidence, of the k columns Y, and `second` has the numbers
+        of the m columns Z. P̃ is the precision of the training rows without the nuisance
+        parameters. A product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all
+        groups of rows. P is the precision of all rows of a group; U has a unit vector for each
+        held-out row, and the derivative of the rows by the nuisance parameters.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -125,18 +125,18 @@ class TrainingFit:
         A correction is the vector t with ``xᵀ P̃ y = xᵀ P y - t_x·t_y`` under each of h noise
         hypotheses, where P̃ projects u parameters out. `columns` are the numbers of the columns.
         """
-        return np.stack([self._corrections[c][i] for c in columns], axis=1)
+        return np.stack([self._columns[c][0][i] for c in columns], axis=1)
 
     def _add_columns(self, columns):
         """Compute and store the corrections and squares of columns that have none yet.
 
-        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃
-        that of the training rows after the nuisance parameters are projected out. The correction of
-        a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is ``xᵀ P x`` less
-        the part of |t|² by the held-out rows, under the first noise hypothesis: with it a column is
-        compared that the nuisance parameters and other columns may explain.
+        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
+        precision of the training rows after the nuisance parameters are projected out. The
+        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is
+        ``xᵀ P x`` less the part of |t|² by the held-out rows, under the first noise hypothesis:
+        with it a column is compared that the nuisance parameters and other columns may explain.
         """
-        new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
+        new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
             return
         by_group, squares, all_squares = [], 0.0, 0.0
@@ -150,13 +150,13 @@ class TrainingFit:
         # a column that is zero in all training rows has a square of rounding errors only: with an
         # infinite square it counts as dependent
         squares = np.where(squares > ROUNDING * all_squares, squares, np.inf)
-        self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
-        self._squares |= dict(zip(new, squares.tolist(), strict=True))
+        for k, column in enumerate(new):
+            self._columns[column] = [t[:, k] for t in by_group], squares[k]
 
     def release(self):
         """Delete the stored fits and products of columns; they are recomputed if needed."""
-        for store in (self._fits, self._corrections, self._squares):
-            store.clear()
+        self._fits.clear()
+        self._columns.clear()
 
     def apply_precision(self, i, hypothesis, columns):
         """Return ``P̃ X``, (n, k), of the part X of k columns, (n, k), in the n rows of group i.
@@ -191,11 +191,13 @@ class TrainingFit:
         group about the size of the step. P̃ is the precision of the training rows without the
         nuisance parameters, under the noise hypothesis of index `hypothesis`.
         """
-        precision = self.evidence.row_groups[i].noise.precision[hypothesis]
-        # the sum over all rows from row k on is the product with a step before row k
-        weighted = precision[::-1].cumsum(axis=0)[::-1]
-        removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
-        return np.triu(weighted).sum(axis=1) - removed
+        if (i, hypothesis) not in self._steps:
+            precision = self.evidence.row_groups[i].noise.precision[hypothesis]
+            # the sum over all rows from row k on is the product with a step before row k
+            weighted = precision[::-1].cumsum(axis=0)[::-1]
+            removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
+            self._steps[i, hypothesis] = np.triu(weighted).sum(axis=1) - removed
+        return self._steps[i, hypothesis]
 
     def fit(self, effects, axis):
         """Return the Fit of one axis, an index, to the training rows with some effects.
@@ -222,7 +224,7 @@ class TrainingFit:
             the derivatives by the parameters of the effects (columns) are linearly dependent, or
             if there are as many columns as rows.
         """
-        axes, columns_of = range(len(self.residual_columns)), self.evidence.columns_of
+        axes, columns_of = range(len(self.evidence.residual_columns)), self.evidence.columns_of
         # by the base's columns and the number q of further columns: for each set of further columns
         # the fits that have it, as (axis, index of the addition)
         fits, groups = [[None] * len(additions) for _ in axes], {}
@@ -260,13 +262,13 @@ class TrainingFit:
             dependent.
         """
         # number of axes, of sets, of further columns, and of all columns of a fit
-        axes, (count, q) = len(self.residual_columns), sets.shape
+        axes, (count, q) = len(self.evidence.residual_columns), sets.shape
         k = len(shared) + q
         dof = self.free_rows - k
         if dof < 1:
             return [None] * count
         # products of residuals, shared columns and the columns of each set, (h, s, a + k, a + k)
-        common = (*self.residual_columns, *shared)
+        common = (*self.evidence.residual_columns, *shared)
         products, c = self.products(common, (*common, *sets.ravel().tolist())), len(common)
         gram = np.empty((len(products), count, c + q, c + q))
         gram[:, :, :c, :c] = products[:, None, :, :c]
@@ -278,7 +280,9 @@ class TrainingFit:
         normal, moment = gram[:, :, axes:, axes:], gram[:, :, axes:, :axes]
         total = np.einsum("hsaa->hsa", gram[:, :, :axes, :axes])
         # dependent columns, and a nearly singular matrix, give no fit
-        squares = np.array([[self._squares[c] for c in (*shared, *row)] for row in sets.tolist()])
+        squares = np.array(
+            [[self._columns[c][1] for c in (*shared, *row)] for row in sets.tolist()]
+        )
         norms = np.sqrt(np.maximum(np.einsum("hskk->hsk", normal), 0.0))
         independent = np.all(norms[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
         norms = np.where(norms > 0, norms, 1.0)
@@ -341,31 +345,10 @@ class TrainingFit:
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
             # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
             # them
-            t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
+            t = self.corrections(i, (self.evidence.residual_columns[axis], *columns))[index]
             # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
         return nuisances, coefficients
-
-    def parameters(self, effects, axis):
-        """Return the estimates of one axis: nuisance parameters and parameters of the effects.
-
-        Returns
-        -------
-        list of ndarray, shape (p,)
-            For each group of rows its p nuisance parameters, which are in every fit.
-        dict of Effect to ndarray, shape (q,)
-            The q parameters of each of the `effects`, SI. They are zero if the rows of the axis, an
-            index, do not depend on them.
-        """
-        nuisances, coefficients = self.solve(effects, axis)
-        parameters = {}
-        for pattern in self.evidence.patterns(effects):
-            # the effect has a column for each parameter in `index`, divided by `scale`
-            index, scale = pattern.parameters[axis], pattern.scale[axis]
-            parameters[pattern.effect] = np.zeros(pattern.design.shape[2])
-            parameters[pattern.effect][index] = coefficients[: len(index)] / scale
-            coefficients = coefficients[len(index) :]
-        return nuisances, parameters
 
     def residuals(self, effects, axis):
         """Return the residuals of all N rows on one axis, (N,), SI, from a fit with some effects.
@@ -377,7 +360,11 @@ class TrainingFit:
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
         fitted = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
         columns = self.evidence.matrix(self.evidence.columns_of(effects, axis))
-        return self.evidence.columns[self.residual_columns[axis]] - fitted - columns @ coefficients
+        return (
+            self.evidence.columns[self.evidence.residual_columns[axis]]
+            - fitted
+            - columns @ coefficients
+        )
 
     def estimate(self, effects, axis):
         """Return the coefficients, (k,), of the effects' k columns and their covariance, (k, k).

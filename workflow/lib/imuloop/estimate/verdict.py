@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, softmax
 
+from imuloop.estimate.held_out import exceedance_probability, held_out_covariance
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import exceedance_probability, held_out_covariance
 
 # ratio of held-out error to floor that an error of the floor itself can explain
 MARGIN = 1.25
@@ -27,12 +27,13 @@ def not_testable(why):
 
 @dataclass(frozen=True)
 class ResidualGroup:
-    """n residuals whose noise is independent of that of all other groups.
+    """n residuals whose noise is independent of the noise of all other groups.
 
     The noise has one of m covariances, the alternatives.
     """
 
     values: np.ndarray  # (n,): residuals of a fit, SI
+    errors: np.ndarray  # (n, 1): their held-out errors; nan where they were not predicted
     jacobian: np.ndarray  # (n, p): derivative with respect to the parameters of the fit
     covariances: list  # m arrays, (n, n): each is one alternative; the noise as estimated is first
     # (n, 2): the fold that a residual is held out with, and a second fold that it depends on, as a
@@ -52,7 +53,7 @@ class NoiseComparison:
     reduced_chi2: float  # reduced χ² of the fit with the noise as estimated
 
 
-def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
+def compare_with_noise(groups, log_prior, fitted=0):
     """Compare residuals with those that the noise alone would give.
 
     Parameters
@@ -61,13 +62,9 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
         The residuals, with m alternatives of their noise.
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
-    squares : list of float
-        Sum of the squared held-out errors of each kind of residual.
     fitted : int
         Number of fitted parameters that are not columns of a Jacobian. It is subtracted from the
         degrees of freedom of every kind.
-    predicted : ndarray, shape (n,) of bool, or True
-        Residuals of a group that have held-out errors; all by default.
 
     Returns
     -------
@@ -79,7 +76,6 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
     # by alternative: χ² and degrees of freedom of each kind, p-value of its held-out errors, and
     # the logarithm of prior times likelihood of all residuals
     chi2, heldout_p_values, log_weights = [], [], []
-    rows_of_groups = [[rows & predicted for rows in group.kinds] for group in groups]
     for m, prior in enumerate(log_prior):
         fits = [chi_square(g.values, g.covariances[m], g.jacobian, g.kinds) for g in groups]
         chi2.append(np.sum([by_kind for by_kind, _ in fits], axis=0) - [0, fitted])
@@ -87,12 +83,8 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
         covariances = [
             held_out_covariance(g.covariances[m], g.jacobian, g.row_folds) for g in groups
         ]
-        p_values = []
-        for k, square in enumerate(squares):
-            pairs = zip(covariances, rows_of_groups, strict=True)
-            blocks = [covariance[np.ix_(rows[k], rows[k])] for covariance, rows in pairs]
-            p_values.append(exceedance_probability(square, blocks))
-        heldout_p_values.append(p_values)
+        of_kinds = range(len(groups[0].kinds))
+        heldout_p_values.append([heldout_p_value(groups, covariances, k) for k in of_kinds])
     weights, comparisons = softmax(log_weights), []
     for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):
         p_values = [float(chdtrc(dof, square)) for square, dof in fits]
@@ -106,6 +98,20 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
         )
         comparisons.append(comparison)
     return weights, comparisons
+
+
+def heldout_p_value(groups, covariances, k):
+    """Return the probability that the noise gives as large held-out errors of kind k, a float.
+
+    `groups` are ResidualGroups, and `covariances` has the covariance of the held-out errors of each
+    group by the noise, (n, n). `k` is the index of a kind of residual.
+    """
+    square, blocks = 0.0, []
+    for group, covariance in zip(groups, covariances, strict=True):
+        rows = group.kinds[k] & np.isfinite(group.errors[:, 0])
+        square += (group.errors[rows] ** 2).sum()
+        blocks.append(covariance[np.ix_(rows, rows)])
+    return exceedance_probability(square, blocks)
 
 
 def verdict(above_before, above_after, effects):

@@ -24,7 +24,8 @@ OF_SENSOR = {s: tuple(kind for kind, owner in OWNER.items() if owner == s) for s
 AT_RESTS = ("gravity_norm", "pose_rate")
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
 OWNER |= dict.fromkeys(VELOCITY, "motion")
-# by sensor, the field of Poses, Rotations and Log with its values, and that of the other sensor
+# by sensor, the field of Poses, Rotations and Log with its values, and the field of the other
+# sensor
 OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 
 
@@ -95,7 +96,7 @@ class Factors:
         return np.column_stack([start, end])[counts], kinds[counts]
 
     def owners(self, recording):
-        """Return what each of the N residuals of a Recording that count measures, (N,) of str.
+        """Return the owner of each of the N residuals of a Recording that count, (N,) of str.
 
         It is the name of a sensor, or "motion" for a velocity, which depends on both.
         """
@@ -104,8 +105,8 @@ class Factors:
     def about(self, recording, state):
         """Return the Measurements of a Recording, with the effects linearised about a State.
 
-        Effects depend on calibrated values; these are those of the State, the parameters of both
-        sensors and of the effects.
+        Effects depend on calibrated values. The State, the parameters of both sensors and of the
+        effects, gives these values.
         """
         if "accelerometer" not in self.sensors:
             # an accelerometer that is not used, as a dead one, has no direction of gravity
@@ -114,7 +115,7 @@ class Factors:
         return Measurements(self, recording, state)
 
     def without_rotation(self, recording, state, noise):
-        """Return the Factors whose residuals of velocities are independent of those of rotations.
+        """Return the Factors whose velocity residuals are independent of the rotation residuals.
 
         From the velocity of each of m moves they subtract the velocity that the residual of its
         rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from the
@@ -135,7 +136,7 @@ class Measurements:
     """Rests and moves of a recording, with the effects linearised about the State `about`.
 
     `factors` says which of their residuals count. The effects depend on calibrated values of both
-    sensors, which are those of this State during the whole fit. So the effects are linear in their
+    sensors, which this State gives during the whole fit. So the effects are linear in their
     parameters.
     """
 

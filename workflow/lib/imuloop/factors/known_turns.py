@@ -41,9 +41,10 @@ class KnownTurns:
     def estimate_sensor(self):
         """Return the gyroscope, a Sensor, that fits the turns best.
 
-        Its bias b is that of the rests. a is the integral of the angular rate over a turn, L its
-        duration, θ its known angle, and u its axis. The matrix T K is the least-squares solution of
-        ``T K (a - b L) = θ u``, or one if the turns do not determine it, as with one axis only.
+        Its bias b is the mean angular rate of the rests. a is the integral of the angular rate over
+        a turn, L its duration, θ its known angle, and u its axis. The matrix T K is the
+        least-squares solution of ``T K (a - b L) = θ u``, or one if the turns do not determine it,
+        as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:

@@ -7,10 +7,7 @@ import numpy as np
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.factors.covariance import ResidualCovariance
-from imuloop.factors.gravity_norm import gravity_norm
-from imuloop.factors.rest_rate import rest_rate
-from imuloop.factors.rotation import rotation
-from imuloop.factors.velocity import velocity
+from imuloop.factors.rows import gravity_norm, rest_rate, rotation, velocity
 from imuloop.model.state import BIAS
 
 
@@ -141,7 +138,7 @@ class Linearised:
         jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
 
         def add(sensor, places, weights, y, design):
-            """Add to the residuals at `places` what a sensor's k samples per move contribute.
+            """Add the contribution of a sensor's samples to the rows `places` of the Jacobian.
 
             `weights`, (m, k, a, 3), is the derivative of the residuals by the calibrated values of
             the samples, y, (m, k, 3), their values in nominal SI (before calibration), and
@@ -154,8 +151,8 @@ class Linearised:
             stop = start + at_rest.residual.size
             jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
             start = stop
-        # derivatives of the effects of the accelerometer at rests and along moves, and of those of
-        # the gyroscope along moves
+        # derivatives of the accelerometer's effects at rests and along moves, and of the
+        # gyroscope's effects along moves
         (at_rests, along_by_force), (_, along_by_rate) = designs.values()
         for weights, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
             f, design = rests.f[rest, None], at_rests[rest, None]
@@ -181,7 +178,7 @@ class Linearised:
 def add_at_both_ends(values):
     """Return, for each sample, the sum of the values of the steps before and after it, (m, k, ...).
 
-    `values`, (m, k - 1, ...), are those of the time steps between the k samples of each move.
+    `values`, (m, k - 1, ...), belong to the time steps between the k samples of each move.
     """
     sums = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
     sums[:, 1:] = values

@@ -1,8 +1,15 @@
-"""Rows of a factor: its residuals and their derivatives, from which Jacobian and noise follow."""
+"""The factors: residuals of rests and of the moves between them, with their derivatives.
+
+At a rest the calibrated specific force has the norm of gravity, and the angular rate is zero. The
+rotation of a move takes the direction of gravity from one rest to the next, and the velocity is
+zero at both ends.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from imuloop.core.rotation import matrix
 
 
 @dataclass(frozen=True)
@@ -14,8 +21,8 @@ class RestRows:
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Their derivative with respect to the p parameters of the sensor: T, K, b, and those of its
-        effects.
+        Their derivative with respect to the p parameters of the sensor: T, K, b, and the parameters
+        of its effects.
     gain : ndarray, shape (n, a, 3)
         Their derivative with respect to the mean of each channel, nominal SI (before calibration).
     """
@@ -68,3 +75,150 @@ class MoveRows:
             by_turn=stack("by_turn", share[:, None]),
             by_force=self.by_force,
         )
+
+
+def gravity_norm(sensor, f, gravity, D):
+    """Return the RestRows, residuals of n rests and their derivatives, of the norm of gravity.
+
+    The residual is ``r = |x| - g``, m/s^2, one component per rest: x is the calibrated specific
+    force, g is gravity.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The accelerometer at the parameters of the state.
+    f : ndarray, shape (n, 3)
+        Mean specific force of each rest, m/s^2, nominal SI: before any calibration.
+    gravity : float
+        Local gravity g, m/s^2.
+    D : ndarray, shape (n, 3, q)
+        Derivative of the sum of the accelerometer's effects with respect to their q parameters.
+    """
+    x = sensor.values(f, D)
+    norm = np.linalg.norm(x, axis=1, keepdims=True)
+    up = (x / norm)[:, None]
+    # |x| changes by the component of x along itself
+    jacobian = sensor.jacobian(up[:, None], f[:, None], D[:, None])
+    return RestRows(residual=norm - gravity, jacobian=jacobian, gain=up @ sensor.gain)
+
+
+def rest_rate(sensor, w, D):
+    """Return the RestRows, residuals of n rests and their derivatives, of the angular rate.
+
+    The residual is ``r = K (y - b) - e``, rad/s, three components on the sensor's axes. The
+    misalignment T is left out: it does not change whether a rate is zero. The derivative of the
+    residual with respect to y, which only weights the noise, is taken as one, as K is one within a
+    few percent.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The gyroscope at the parameters of the state, with the scale factors K and the bias b.
+    w : ndarray, shape (n, 3)
+        Mean angular rate y of each rest, rad/s, nominal SI: before any calibration.
+    D : ndarray, shape (n, 3, q)
+        Derivative of the sum e of the gyroscope's effects with respect to their q parameters.
+    """
+    # the parameters are the elements of T, then K, b, and the parameters of the effects
+    n, axes, T_count = len(w), np.arange(3), len(sensor.entries[0])
+    jacobian = np.zeros((n, 3, T_count + 6 + D.shape[-1]))
+    jacobian[:, axes, T_count + axes] = w - sensor.b
+    jacobian[:, axes, T_count + 3 + axes] = -sensor.K
+    jacobian[:, :, T_count + 6 :] = -D
+    gain = np.tile(np.eye(3), (n, 1, 1))
+    return RestRows(residual=sensor.corrected(w, D), jacobian=jacobian, gain=gain)
+
+
+def rotation(linearised):
+    """Return the MoveRows, residuals of m moves and their derivatives, of the rotations.
+
+    The residual is ``r = P Cᵀ u``, rad, two components per move. u is the upward direction at the
+    start of the move on body axes there, by the accelerometer. C is the rotation by the gyroscope,
+    which takes the body axes at the end to those at the start, so Cᵀ u is the upward direction on
+    the body axes at the end. The rows of P are two unit vectors normal to the upward direction that
+    the accelerometer measures at the end. A small rotation φ, on the axes at the start, changes
+    Cᵀ u by ``Cᵀ (u × φ)``. Takes the Linearised factors.
+    """
+    P, u, first = tangents(linearised.arriving), linearised.leaving, linearised.measured.moves.first
+    PCt = P @ matrix(linearised.after[:, -1]).swapaxes(1, 2)
+    by_turn = np.einsum("mai,mkij->mkaj", PCt @ cross_matrix(u), linearised.attitude_within)
+    return MoveRows(
+        residual=PCt @ u[..., None],
+        by_start=PCt @ linearised.across[first],
+        # P follows the measured direction at the end, and the residual is relative to it
+        by_end=-P @ linearised.across[first + 1],
+        by_turn=by_turn,
+    )
+
+
+def velocity(linearised, rotation, share=None):
+    """Return the MoveRows of the rotations, followed by the rows of the velocity at the end, m/s.
+
+    MoveRows are residuals of m moves and their derivatives. The device rests before and after a
+    move, so the residual is the velocity at the end of a move of duration L,
+
+        v = ∫ C f dt - g L u,
+
+    where C takes the body axes to those at the start of the move, f is the calibrated specific
+    force, u the upward direction at the rest before, and g gravity. The first component of a
+    residual is along u, the other two are horizontal. An error of the attitude changes the vertical
+    velocity in second order only, and the horizontal velocity by g times the integral of the error.
+    A small rotation φ during the move adds ``φ × v'``, with v' the velocity gained afterwards.
+
+    The velocity that the residual of the rotation predicts is subtracted, so that the noise of both
+    residuals is independent.
+
+    Parameters
+    ----------
+    linearised : Linearised
+        Attitudes, directions of gravity and calibrated values of the moves.
+    rotation : MoveRows
+        The rows of the rotations.
+    share : ndarray, shape (m, 3, 2), optional
+        Velocity that a residual of the rotation predicts, m/s per rad; zero by default.
+    """
+    measured, u, after = linearised.measured, linearised.leaving, matrix(linearised.after)
+    # derivative of the accelerometer's effects along the moves with respect to their parameters
+    moves, (_, design) = measured.moves, measured.designs["accelerometer"]
+    # the rows of each matrix are the axes of the residual's components
+    frame = np.concatenate([u[:, None], tangents(u)], axis=1)
+    gL = measured.factors.gravity * linearised.weights.sum(axis=1)[:, None, None]
+    # C and C f at each sample, (m, k, 3, 3) and (m, k, 3)
+    attitude = np.concatenate([np.tile(np.eye(3), (len(u), 1, 1, 1)), after], axis=1)
+    force = (attitude @ linearised.force.values(moves.f, design)[..., None])[..., 0]
+    # velocity that each step gains, and v' from the middle of each step to the end
+    gained = midpoints(force) * moves.steps[..., None]
+    to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
+    v = (linearised.weights[:, None] @ force).swapaxes(1, 2) - gL * u[..., None]
+    rows = MoveRows(
+        residual=frame @ v,
+        # `across` is the derivative of the direction of gravity by the force at each rest
+        by_start=-gL * frame @ linearised.across[moves.first],
+        by_end=np.zeros_like(frame),
+        by_turn=-frame[:, None] @ cross_matrix(to_come) @ linearised.attitude_within,
+        by_force=frame[:, None] @ attitude,
+    )
+    return rows.after(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
+
+
+def midpoints(values):
+    """Return the means, (m, k - 1, ...), of neighbours along the second axis of (m, k, ...)."""
+    return (values[:, 1:] + values[:, :-1]) / 2
+
+
+def tangents(directions):
+    """Return two unit vectors, (n, 2, 3), normal to each unit vector, (n, 3), and to each other."""
+    # the axis that is farthest from parallel to the direction
+    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+def cross_matrix(vectors):
+    """Return the matrices M, (..., 3, 3), with ``M a = v × a``, of vectors v, (..., 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    matrices = np.zeros((*vectors.shape, 3))
+    matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
+    matrices[..., 1, 0], matrices[..., 2, 0], matrices[..., 2, 1] = z, -y, x
+    return matrices

@@ -1,1 +1,1 @@
-"""From a calibration to what it needs: what limits it, and what would improve that most."""
+"""The parameter that limits a calibration, and the rest or turn that improves it most."""

@@ -1,4 +1,7 @@
-"""What limits a calibration, and the rest or the turn that would improve it most."""
+"""The parameter that limits a calibration, and the rest or turn that improves it most.
+
+Nominal SI values are raw readings less the data sheet's offset, times its scale.
+"""
 
 from dataclasses import asdict, dataclass, replace
 from itertools import product
@@ -16,24 +19,26 @@ from imuloop.model.raw_units import si_factor, state_of
 from imuloop.model.state import NAMES
 from imuloop.plan.directions import direction_words
 
-# what a first session should hold: seconds at rest before all, poses, seconds of a rest, of a move
-# and of a turn of 360 degrees by hand
+# contents of a first session: seconds at rest at the start, number of poses, seconds of a rest, of
+# a move, and of a turn of 360 degrees by hand
 INITIAL_REST_S, POSES, REST_S, MOVE_S, FULL_TURN_S = 50.0, 40, 4.0, 2.0, 5.0
-# rate that errors of the gyroscope's output are weighed at, rad/s; the accelerometer's at 1 g
+# angular rate at which errors of the gyroscope's output are compared, rad/s; errors of the
+# accelerometer's output are compared at 1 g
 RATE_IN_USE = 100 * DEGREE
-# faces, edges and corners of a box, each of them up
+# upward directions, (26, 3), if a face, an edge or a corner of a box is up
 ATTITUDES = np.array([v / np.linalg.norm(v) for v in product((1.0, 0, -1.0), repeat=3) if any(v)])
-# angle to the nearest rest from which on an attitude is one more, rad
+# least angle between a new attitude and all earlier rests, rad
 FAR = 40 * DEGREE
-# samples of a turn, as shares of it: enough to follow it
+# times of the samples of a turn, as shares of its length
 _SHARE = np.linspace(0, 1, 64)[:, None]
 
 
 @dataclass(frozen=True)
 class Step:
-    """A rest in another attitude or, with an axis, a turn of 360 degrees about it between rests.
+    """A rest in another attitude, or a turn of 360° between two rests.
 
-    `up` is the upward direction on body axes, (3,): in the rest, or where a turn begins and ends.
+    `up` is the upward direction on body axes, (3,), in the rest, or before and after the turn.
+    `axis` is the axis of the turn, ``x``, ``y`` or ``z``; None for a rest.
     """
 
     up: np.ndarray
@@ -45,9 +50,21 @@ class Step:
         return f"turn it until {direction_words(self.up)} is up, and let go for {REST_S:.0f} s"
 
     def turn(self, now):
-        """Return the upward direction before its turn, the turn, rad on body axes, and its length.
+        """Return the turn that leads to the end of this step.
 
-        The length is in s; `now` is the direction that is up now.
+        Parameters
+        ----------
+        now : ndarray, shape (3,)
+            Present upward direction on body axes.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            Upward direction on body axes before the turn.
+        ndarray, shape (3,)
+            Rotation vector of the turn on body axes, rad.
+        float
+            Duration of the turn, s.
         """
         if self.axis:
             return self.up, 2 * np.pi * np.eye(3)["xyz".index(self.axis)], FULL_TURN_S
@@ -61,13 +78,14 @@ class Advice:
     Attributes
     ----------
     sensor, parameter : str
-        ``gyroscope``, ``K2``.
+        Name of the sensor and of the parameter, such as ``gyroscope`` and ``K2``.
     error, ratio : float
-        Error of a reading by it at 1 g or 100 deg/s, SI, and that over what is good enough.
+        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the error over the error
+        that is good enough.
     std, std_after : float
-        Its standard error before and after the step, SI as logged.
+        Standard error of the parameter before and after the step, nominal SI.
     step : Step
-        What to do.
+        The rest or turn to make next.
     """
 
     sensor: str
@@ -80,52 +98,70 @@ class Advice:
 
 
 def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
-    """Return the Advice on what to do next.
+    """Return the Advice: the parameter that limits a calibration, and the next rest or turn.
 
-    After a step the covariance is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``. J are the derivatives of the
-    residuals that it adds; R is their covariance by the noise and, where residuals exceed that, so
-    many times as much. Takes the Calibration by a Recording of one pose or more, the NoiseModel,
-    the errors of the six channels that are good enough, SI, and the letters of what counts.
+    A step adds residuals with the Jacobian J and the covariance R. After it the covariance of the
+    parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from the
+    noise, times the reduced χ² of the calibration if that is above one.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Calibration by `recording`.
+    noise : NoiseModel
+        Noise of the device.
+    recording : Recording
+        Poses and rotations so far, at least one pose.
+    enough : ndarray, shape (6,)
+        Errors of the channels ax … gz that are good enough, SI.
+    letters : str
+        First letters of the names of the parameters that count: T, K and b.
     """
     needs = set() if recording.poses.temperature is None else {"temperature"}
     effects = [
         SensorEffect(e.effect, sensor)
         for sensor in SENSORS
         for e in getattr(calibration, sensor).effects
-        # what any rest or turn shows
+        # effects that do not depend on the course of time: any rest or turn shows them
         if not (e.effect.timed or e.effect.rate_of_change) and needs.issuperset(e.effect.needs)
     ]
     (state, covariance), limits = state_of(calibration, effects), []
-    use = {"accelerometer": calibration.gravity, "gyroscope": RATE_IN_USE}
+    size_in_use = {"accelerometer": calibration.gravity, "gyroscope": RATE_IN_USE}
     for k, (sensor, base) in enumerate(NAMES.items()):
-        own = getattr(calibration, sensor)
-        # what was not estimated has the prior's
-        before = (own.prior or {"std": {}})["std"]
-        for name, factor in zip(base, si_factor(base, own.raw_unit), strict=True):
-            at = state.names.index(f"{sensor}.{name}")
-            covariance[at, at] = covariance[at, at] or (factor * before.get(name, 0.0)) ** 2
-            error = np.sqrt(covariance[at, at]) * (1.0 if name[0] == "b" else use[sensor])
+        model = getattr(calibration, sensor)
+        # a parameter that was not estimated has the standard error of the prior
+        prior = (model.prior or {"std": {}})["std"]
+        for name, factor in zip(base, si_factor(base, model.raw_unit), strict=True):
+            i = state.names.index(f"{sensor}.{name}")
+            covariance[i, i] = covariance[i, i] or (factor * prior.get(name, 0.0)) ** 2
+            error = np.sqrt(covariance[i, i]) * (1.0 if name[0] == "b" else size_in_use[sensor])
             if name[0] in letters:
-                limits.append((error / enough[3 * k + int(name[1])], error, at, sensor, name))
-    ratio, error, at, sensor, name = max(limits)
+                limits.append((error / enough[3 * k + int(name[1])], error, i, sensor, name))
+    ratio, error, i, sensor, name = max(limits)
     up = upward(calibration, recording.poses)
-    steps = candidates(up)
-    made = recorded(steps, up[-1], calibration, recording)
-    factors = Factors(calibration.gravity)
-    new = factors.about(made, state).at(state.x)
-    owners = factors.owners(made).tolist()
+    steps, variances, factors = candidates(up), [], Factors(calibration.gravity)
+    simulated = simulate_steps(steps, up[-1], calibration, recording)
+    linearised = factors.about(simulated, state).at(state.x)
+    owners = factors.owners(simulated).tolist()
     size = np.sqrt([getattr(calibration, owner).excess for owner in owners])
-    R, after = new.noise.by(noise) * size[:, None] * size, []
-    # the second rest of each session: the first is known already
-    ends = factors.rows(made)[0].max(axis=1)
+    R = linearised.noise.by(noise) * size[:, None] * size
+    # residuals that end at the second rest of each session; the first rest is known already
+    ends = factors.rows(simulated)[0].max(axis=1)
     for k in range(len(steps)):
-        own = np.flatnonzero(ends == 2 * k + 1)
-        J, gain = new.jacobian[own], covariance @ new.jacobian[own].T
-        lost = np.linalg.solve(J @ gain + R[np.ix_(own, own)], gain[at])
-        after.append(covariance[at, at] - gain[at] @ lost)
-    best = int(np.argmin(after))
-    sizes = (float(size) for size in (error, ratio, *np.sqrt([covariance[at, at], after[best]])))
-    return Advice(sensor, name, *sizes, steps[best])
+        rows = np.flatnonzero(ends == 2 * k + 1)
+        J, gain = linearised.jacobian[rows], covariance @ linearised.jacobian[rows].T
+        change = np.linalg.solve(J @ gain + R[np.ix_(rows, rows)], gain[i])
+        variances.append(covariance[i, i] - gain[i] @ change)
+    best = int(np.argmin(variances))
+    return Advice(
+        sensor=sensor,
+        parameter=name,
+        error=float(error),
+        ratio=float(ratio),
+        std=float(np.sqrt(covariance[i, i])),
+        std_after=float(np.sqrt(variances[best])),
+        step=steps[best],
+    )
 
 
 def upward(calibration, poses):
@@ -135,20 +171,33 @@ def upward(calibration, poses):
 
 
 def candidates(up):
-    """Return the Steps to choose from after rests with upward directions, (n, 3).
+    """Return the Steps to choose from, a list, after n rests.
 
-    Rests come first that are far from all others: where there is none, an effect can hide.
+    A rest far from all earlier rests comes first, as an effect can hide in an attitude that was
+    never up. Without one, rests far from the last rest and turns about each axis are returned.
+    `up`, (n, 3), are the upward directions of the rests on body axes.
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
-    far = [ATTITUDES[(ATTITUDES @ made.T).max(axis=1) < np.cos(FAR)] for made in (up, up[-1:])]
+    far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
     return [Step(u) for u in far[0]] or [*map(Step, far[1]), *turns]
 
 
-def recorded(steps, now, calibration, recording):
-    """Return the Recording of m steps without noise, each a session of two rests and a turn.
+def simulate_steps(steps, now, calibration, recording):
+    """Return the Recording of m steps without noise, with two rests and a turn for each step.
 
-    Takes the direction that is up now, the Calibration, and the Recording so far: its median rest
-    is one here, and turns are undersampled as its are.
+    Each step is its own session. The rests are as long and as noisy as the median rest of
+    `recording`, and the turns are as undersampled as its turns.
+
+    Parameters
+    ----------
+    steps : list of Step
+        The m steps.
+    now : ndarray, shape (3,)
+        Present upward direction on body axes.
+    calibration : Calibration
+        It converts true values to nominal SI.
+    recording : Recording
+        Poses and rotations so far.
     """
     before, turns, move_s = map(np.array, zip(*(step.turn(now) for step in steps), strict=True))
     turns, m = turns[:, None], len(steps)
@@ -157,39 +206,49 @@ def recorded(steps, now, calibration, recording):
     along = calibration.gravity * np.einsum("mkji,mj->mki", attitude, before)
     rates = (1 - np.cos(2 * np.pi * _SHARE)) * turns / move_s[:, None, None]
 
-    def logged(sensor, values):
-        own = getattr(calibration, sensor)
-        return own.raw_unit.to_si(values @ np.linalg.inv(own.T).T / own.K + own.b)
+    def to_nominal(sensor, values):
+        """Return the nominal SI values that a sensor logs for true values, SI, (..., 3)."""
+        model = getattr(calibration, sensor)
+        return model.raw_unit.to_si(values @ np.linalg.inv(model.T).T / model.K + model.b)
 
     poses = recording.poses
     rest = poses.select(np.argsort(poses.duration_s)[[len(poses) // 2] * 2 * m])
-    session, nothing, rest_s = np.repeat(np.arange(m), 2), np.zeros((2 * m, 3)), rest.duration_s[0]
+    session, zeros, rest_s = np.repeat(np.arange(m), 2), np.zeros((2 * m, 3)), rest.duration_s[0]
     start_s = np.stack([np.zeros(m), rest_s + move_s], axis=1).ravel()
     rest = replace(rest, session=session, start_s=start_s, end_s=start_s + rest_s)
-    rest = replace(rest, power_cycle=-1 - session, w=logged("gyroscope", nothing))
-    rest = replace(rest, f=logged("accelerometer", along[:, [0, -1]].reshape(-1, 3)))
-    rest = replace(rest, tilt=nothing[:, 0], to_start=nothing, to_end=nothing)
-    t, lost = rest_s + _SHARE.T * move_s[:, None], recording.rotations.aliased
-    warmth = None if rest.temperature is None else np.full(t.shape, rest.temperature[0])
-    values = t, logged("gyroscope", rates), logged("accelerometer", along), warmth
+    rest = replace(rest, power_cycle=-1 - session, w=to_nominal("gyroscope", zeros))
+    rest = replace(rest, f=to_nominal("accelerometer", along[:, [0, -1]].reshape(-1, 3)))
+    rest = replace(rest, tilt=zeros[:, 0], to_start=zeros, to_end=zeros)
+    t, aliased = rest_s + _SHARE.T * move_s[:, None], recording.rotations.aliased
+    temperature = None if rest.temperature is None else np.full(t.shape, rest.temperature[0])
+    undersampling = aliased.mean() if len(aliased) else 0.0
     rotations = Rotations(
-        *(2 * np.arange(m), t[:, 0], t[:, -1], *values),
+        first=2 * np.arange(m),
+        start_s=t[:, 0],
+        end_s=t[:, -1],
+        t=t,
+        w=to_nominal("gyroscope", rates),
+        f=to_nominal("accelerometer", along),
+        temperature=temperature,
         extra_at=np.zeros((m, 1), int),
         time_covariance=np.zeros((m, 1, 3, 3)),
-        aliasing_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
+        aliasing_covariance=np.tile(np.eye(3) * undersampling, (m, 1, 1, 1)),
     )
     return Recording(rest, rotations)
 
 
 def next_step(calibration, noise, recording):
-    """Return what diagnosis.json holds of the next step; nothing where the noise is not known.
+    """Return the entry of diagnosis.json on the next step, a dict; empty if the noise is not known.
 
-    An error is good enough that is the noise of a mean of one second.
+    An error is good enough if it is as small as the noise of a mean over one second. Takes the
+    Calibration, the NoiseModel and the Recording of the device.
     """
     poses = recording.poses
     enough = np.sqrt(noise.mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])
-    felt = np.linalg.norm(poses.f, axis=1) > 0
-    if not (felt.any() and felt.all() and enough.all()) or poses.unknown_noise(noise, CHANNELS):
+    has_force = np.linalg.norm(poses.f, axis=1) > 0
+    if not (has_force.any() and has_force.all() and enough.all()) or poses.unknown_noise(
+        noise, CHANNELS
+    ):
         return {}
-    found = next_pose_or_turn(calibration, noise, recording, enough)
-    return asdict(found) | {"step": str(found.step)}
+    advice = next_pose_or_turn(calibration, noise, recording, enough)
+    return asdict(advice) | {"step": str(advice.step)}

@@ -1,4 +1,4 @@
-"""Coaching while a session is recorded: what it shows so far, and what to do next."""
+"""Coaching while a session is recorded: its results so far, and the next rest or turn."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
 from imuloop.core.sphere import count_attitudes
-from imuloop.diagnose.records.pose_diagnosis import APART, ATTITUDES, TESTABLE
+from imuloop.diagnose.poses import APART, ATTITUDES, TESTABLE
 from imuloop.model.calibration import Calibration
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
@@ -23,27 +23,33 @@ from imuloop.segment.settings import SegmentSettings
 
 @dataclass(frozen=True)
 class Progress:
-    """What a session shows so far.
+    """The results of a session so far, and advice on the next step."""
 
-    Its length, s; the upward direction in each pose on body axes, (n, 3); by sensor the worst
-    standard error of scale factor, relative, and misalignment, rad, infinite while there is none;
-    what to do next; whether all are as good as asked for and the poses enough to test for missing
-    effects.
-    """
-
-    duration_s: float
-    up: np.ndarray
+    duration_s: float  # length of the session, s
+    up: np.ndarray  # (n, 3): upward direction in each pose on body axes
+    # by sensor, the largest standard error of relative scale factors and misalignments, rad;
+    # infinite before the first estimate
     worst: dict
-    advice: str
+    advice: str  # the next step, words
+    # whether all errors are good enough, and the poses enough to test for missing effects
     done: bool = False
 
 
 def progress(samples, gravity, units, noise=None, within=2e-3):
     """Return the Progress of a session.
 
-    Takes its samples so far, SI, a DataFrame; gravity, m/s^2; the RawUnit of both sensors; the
-    NoiseModel of `rest_noise`, by default that of the samples of its rests, white; the
-    `Progress.worst` that each sensor shall reach.
+    Parameters
+    ----------
+    samples : DataFrame
+        Its samples so far, SI.
+    gravity : float
+        Local gravity, m/s^2.
+    units : pair of RawUnit
+        Raw unit of the accelerometer and of the gyroscope.
+    noise : NoiseModel, optional
+        Noise by `rest_noise`; by default white noise as in the samples of the rests.
+    within : float
+        Largest relative scale factor error, and misalignment, rad, that is good enough.
     """
     t = samples["t"].to_numpy()
     early = Progress(float(np.ptp(t)), np.empty((0, 3)), dict.fromkeys(SENSORS, np.inf), "")
@@ -63,19 +69,22 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     sensors = calibrate_sensors(recording, noise, gravity, of_sensor, settings)
     enough = within * np.repeat([gravity, RATE_IN_USE], 3)
     calibration = Calibration("device", gravity, **sensors)
-    found = next_pose_or_turn(calibration, noise, recording, enough, "TK")
+    advice = next_pose_or_turn(calibration, noise, recording, enough, "TK")
     worst = {}
     for name, sensor in sensors.items():
         size = {"T": np.ones(3), "K": sensor.K}
-        own = [s / size[n[0]][int(n[1])] for n, s in sensor.std.items() if n[0] in size]
-        worst[name] = max(own, default=np.inf)
+        errors = [s / size[n[0]][int(n[1])] for n, s in sensor.std.items() if n[0] in size]
+        worst[name] = max(errors, default=np.inf)
     up = upward(calibration, recording.poses)
-    done = found.ratio <= 1 and len(up) >= TESTABLE and count_attitudes(up, APART) >= ATTITUDES
-    return Progress(early.duration_s, up, worst, str(found.step), done)
+    done = advice.ratio <= 1 and len(up) >= TESTABLE and count_attitudes(up, APART) >= ATTITUDES
+    return Progress(early.duration_s, up, worst, str(advice.step), done)
 
 
 def rest_noise(samples):
-    """Return the NoiseModel of a session's rests, flicker and walk included; takes seconds."""
+    """Return the NoiseModel of the rests of a session, with flicker and random walk.
+
+    `samples` is the DataFrame of its samples, SI. The estimate takes seconds.
+    """
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)
     return estimate_noise("device", [session], NoiseSettings(), views=False).model

@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.errors import joined
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import HOUR
-from imuloop.diagnose.records.pose_diagnosis import TESTABLE
+from imuloop.diagnose.poses import TESTABLE
 from imuloop.model.effect import OUTPUT
 from imuloop.plan.advice import INITIAL_REST_S, POSES
 from imuloop.plan.directions import WIDE_HOLE, direction_words, largest_hole

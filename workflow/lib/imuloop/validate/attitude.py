@@ -9,9 +9,8 @@ from scipy.linalg import LinAlgError
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.held_out import held_out_covariance, ratio_interval
 from imuloop.estimate.least_squares import why_no_fit
-from imuloop.estimate.residuals import held_out_covariance
 from imuloop.model.sensor_calibration import SensorCalibration
 
 try:
@@ -122,9 +121,7 @@ def held_out_models(diagnosed, problem):
     raw, base_problem = replace(calibration, **nominal), problem
     if problem.nuisance_effects:
         # the base model lacks the effects that static records showed, too
-        base_problem = replace(
-            problem, nuisance_effects=(), information=None, _fits={}, _columns={}
-        )
+        base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
         """Return the Calibration by a fit of effects to the poses outside the blocks `held_out`."""

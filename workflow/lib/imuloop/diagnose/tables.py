@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.factors.velocity import midpoints
+from imuloop.factors.rows import midpoints
 
 # errors of a residual: without and with the added effects, held out and in the fit
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
@@ -51,13 +51,14 @@ def residual_columns(problem, kinds, errors, floor):
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
-        Four errors of each row: held out without and with the added effects, then those of the fit.
+        Four errors of each row: held out without and with the added effects, then in the fit
+        without and with them.
     floor : ndarray, shape (N,)
         Variance of the held-out errors that the noise alone gives.
     """
     table = {}
     for kind in kinds:
-        rows, k = problem.of_kind(kind), problem.components(kind)
+        rows, k = problem.of_kind(kind), problem.kinds[kind][1]
         columns = []
         for error in errors:
             values = error[rows].reshape(-1, k).T

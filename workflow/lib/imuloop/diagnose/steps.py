@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.effects.steps import Steps, joined, share_after
-from imuloop.estimate.p_values import log_f_tail
+from imuloop.estimate.axis_fit import log_f_tail
 from imuloop.model.effects import SensorEffect
 
 # least number of windows on either side of a step, and number of times tried within one window
@@ -16,31 +16,6 @@ MOST_STEPS, HOPELESS = 6, 6.0
 POSES_BESIDE = {"accelerometer": 3, "gyroscope": 2}
 # most times that are tried first, and the resolution of the best time, s
 MOST_TIMES, CLOSE = 50, 0.01
-
-
-def residuals_by_record(search, base, axis):
-    """Return the residuals of one axis, by record, after a fit of the effects in `base`.
-
-    `search` is the Search of static records, each of which has n means over windows; `base` has the
-    effects that are in the model already.
-
-    Returns
-    -------
-    list of ndarray, shape (n,)
-        Residuals of each record, divided by the estimated size of the noise, so that they have the
-        covariance of the noise hypothesis, one of the covariances that the noise may have.
-    int
-        Degrees of freedom of the fit.
-    int
-        Index of the likeliest noise hypothesis.
-    """
-    training_fit = search.training_fit(base)
-    fit, columns = training_fit.fit(base, axis), training_fit.evidence.columns_of(base, axis)
-    hypothesis = int(np.argmax(fit.log_probability))
-    matrix = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
-    residuals = matrix @ np.append(1.0, -fit.coefficients[hypothesis])
-    residuals /= np.sqrt(fit.scale[hypothesis])
-    return training_fit.evidence.split(residuals), fit.dof, hypothesis
 
 
 def best_steps(search, base, may_give_up=False):
@@ -78,6 +53,7 @@ def most_promising_step(search, base, earlier=()):
     """
     # log p, axis and step; without a step p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
+    evidence = training_fit.evidence
     # the training windows of each record, and the windows at whose start a step is tried
     starts, count = [], 0
     for i, record in enumerate(search.problem.records):
@@ -93,7 +69,13 @@ def most_promising_step(search, base, earlier=()):
             starts.append((i, record, windows, length, rows))
             count += WITHIN * len(rows)
     for axis in range(3):
-        residuals, dof, hypothesis = residuals_by_record(search, base, axis)
+        fit, columns = training_fit.fit(base, axis), evidence.columns_of(base, axis)
+        # the likeliest hypothesis, one of the covariances that the noise may have
+        hypothesis = int(np.argmax(fit.log_probability))
+        matrix = evidence.matrix((evidence.residual_columns[axis], *columns))
+        # residuals divided by the estimated size of the noise have the covariance of the hypothesis
+        residuals = matrix @ np.append(1.0, -fit.coefficients[hypothesis])
+        residuals = evidence.split(residuals / np.sqrt(fit.scale[hypothesis]))
         most, step = -1.0, None
         for i, record, windows, length, rows in starts:
             weighted = training_fit.apply_precision(i, hypothesis, residuals[i][:, None])[:, 0]
@@ -113,7 +95,7 @@ def most_promising_step(search, base, earlier=()):
                 most = drops.max()
                 step = Steps(times=(time,), sessions=(record.session,), spans=(span,))
         if step:
-            steps.append((log_f_tail(most, 1, dof - 1), axis, step))
+            steps.append((log_f_tail(most, 1, fit.dof - 1), axis, step))
     log_p, _, step = min(steps, key=lambda entry: entry[:2])
     return log_p, step, count
 
@@ -131,7 +113,7 @@ def pose_step(sensor, search, base, may_give_up=False):
     if len(middle) < 2 * least:
         return None
     inner = middle[least - 1 : len(middle) - least + 1]
-    # at most so many times, evenly spaced in the number of the pose
+    # at most `MOST_TIMES` times, evenly spaced in the number of the pose
     number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     spacing, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))

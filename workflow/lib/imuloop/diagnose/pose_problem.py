@@ -2,27 +2,70 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from imuloop.diagnose.records.linearization import (
-    Linearization,
-    kind_hypotheses,
-    split_by_effect,
-)
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
+from imuloop.estimate.joint_fit import with_prior
 from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
 
 # alternatives of the noise: steps from the sizes as estimated to the likeliest sizes
-PATH = (0.0, 0.3, 0.6, 1.0)
+PATH = np.array([0.0, 0.3, 0.6, 1.0])
 # rise of the log likelihood at which the estimate of the noise for a detection limit ends
 ROUGH = 0.05
 # number of effects whose derivatives are computed at once
 BATCH_SIZE = 32
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """The N rows of a PoseProblem, linearised at the fit of all poses with some effects.
+
+    A row is one component of a residual of a pose, a move between poses, or a prior.
+    """
+
+    solution: object  # the Fit, with p parameters
+    factors: object  # Linearised factors at its parameters
+    values: np.ndarray  # (N,): residuals
+    jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
+    evidence: Evidence  # Evidence of the rows
+    likelihood: SizeLikelihood  # likelihood of the sizes of the k variance components of the noise
+    likeliest: np.ndarray  # (k,): the most likely sizes
+
+    @property
+    def slow(self):
+        """Components of slow noise, a list: the noise model gives their size and its error."""
+        return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
+
+    @property
+    def variance(self):
+        """Variance of the rows by the noise as estimated, (N,)."""
+        slow = (np.diag(c.covariance) * c.size**2 for c in self.slow)
+        return np.diag(self.likelihood.fixed) + sum(slow)
+
+    @cached_property
+    def alternatives(self):
+        """Alternatives of the noise for the verdict, from the sizes as estimated to the likeliest.
+
+        Alternative j moves the sizes of all slow components by the share `PATH[j]` of the way from
+        the estimates to the likeliest sizes. The whole way has the length d, in standard deviations
+        of the estimates, so that the logarithm of the prior probability is ``-(d PATH[j])²/2``.
+
+        The result is the log prior of each alternative, (m,), and the covariances of the rows, a
+        list of m arrays (N, N). The noise as estimated is the first.
+        """
+        fixed, slow = self.likelihood.fixed, self.slow
+        sizes = np.array([component.size for component in slow])
+        change = likely_sizes(self.values, self.jacobian, fixed, slow) - sizes
+        distance = change / [component.deviation for component in slow]
+        covariances = [total_covariance(fixed, slow, sizes + share * change) for share in PATH]
+        return -(distance @ distance) * PATH**2 / 2, covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +73,8 @@ class PoseProblem:
     """The poses of a device, as a problem for `imuloop.estimate.choice.Choices`.
 
     A row is one component of a residual of a pose or of a rotation between two poses. All N rows
-    are one group, since their noise is correlated; the last ones are rows of a prior from other
-    records. The nuisance parameters are the base model and the effects that other records showed.
+    are one group, since their noise is correlated; the last ones are rows of a prior. The nuisance
+    parameters are the base model and the effects that other records showed.
     """
 
     joint_fit: object  # JointFit
@@ -42,11 +85,10 @@ class PoseProblem:
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
     fold_of_pose: np.ndarray
     nuisance_effects: tuple = ()  # effects that other records showed; every fit estimates them
-    # function that takes effects and returns the Fisher information of other records about θ,
-    # their parameters: A and b, the logarithm of whose likelihood is ``-θᵀ A θ/2 + bᵀ θ``
-    information: object = None
-    # prior of the parameters x of the base model: R and z; ``R x - z`` has mean 0 and variance 1
-    base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
+    # StaticResult of the static records; its `information` takes effects and returns the Fisher
+    # information about θ, their parameters: A and b, the logarithm of whose likelihood is
+    # ``-θᵀ A θ/2 + bᵀ θ``. None if no static record counts
+    static: object = None
     # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict, repr=False)
@@ -54,6 +96,7 @@ class PoseProblem:
     # whether a scan is repeated when the base has grown: turns show the steps of both sensors
     scans_again = True
     error_scale = 1.0  # unit of the held-out errors in the error ratio
+    why_no_trial = "what it adds in these data is taken up by the base model"
 
     @cached_property
     def folds(self):
@@ -61,25 +104,20 @@ class PoseProblem:
         return int(self.fold_of_pose.max()) + 1
 
     @cached_property
-    def prior_rows(self):
-        """Rows ``R θ - z``, with mean 0 and variance 1, that add prior knowledge to each fit.
+    def static_rows(self):
+        """Rows ``R θ - z``, with mean 0 and variance 1: knowledge from static records on effects.
 
-        θ are the q parameters of an effect. The value is a dict of R, (k, q), by effect, and z,
-        (k,). The first of the k rows are the prior of the base model, where R is zero. The others
-        hold what other records tell about the effects: for their Fisher information A and moment b,
-        ``Rᵀ R = A`` and ``Rᵀ z = b``.
+        θ are the q parameters of an effect. The value is a dict of R, (s, q), by effect, and z,
+        (s,). For the Fisher information A and the moment b, ``Rᵀ R = A`` and ``Rᵀ z = b``.
         """
-        z_of_base = self.base_rows[1]
-        if self.information is None:
-            return {}, z_of_base
+        if self.static is None:
+            return {}, np.zeros(0)
         # static records have too few attitudes to show formulas
         named = (variants for kind, variants in self.variants.items() if not kind.is_formula)
         effects = self.nuisance_effects + tuple(
             s for variants in named for s in variants if "temperature" in s.needs and not s.timed
         )
-        if not effects:
-            return {}, z_of_base
-        information, moment = self.information(effects)
+        information, moment = self.static.information(effects)
         # parameters have different units: each is scaled so that its information is one
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0
@@ -87,8 +125,19 @@ class PoseProblem:
         values, axes = np.linalg.eigh(information / np.outer(size, size))
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
-        rows = np.pad(roots[:, None] * axes * size, ((len(z_of_base), 0), (0, 0)))
-        return split_by_effect(rows, effects), np.append(z_of_base, axes @ (moment / size) / roots)
+        rows = roots[:, None] * axes * size
+        return split_by_effect(rows, effects), axes @ (moment / size) / roots
+
+    def prior(self, effects):
+        """Return R, (k, p), and z, (k,): ``R x - z`` has mean 0 and variance 1 before the fit.
+
+        x are the p parameters of a fit. The first rows are the prior of the base model; the other
+        rows hold the knowledge from static records about the parameters of `effects`.
+        """
+        (R_base, z_base), (R_by_effect, z) = self.joint_fit.known, self.static_rows
+        R = [R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
+        R = np.hstack([np.zeros((len(z), 0)), *R])
+        return block_diag(R_base, R), np.append(z_base, z)
 
     @cached_property
     def rows(self):
@@ -99,13 +148,13 @@ class PoseProblem:
         their kind is an empty string.
         """
         ends, kind = self.joint_fit.rows(self.recording)
-        return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
+        return ends, np.append(kind, np.full(len(self.prior(())[1]), ""))
 
     @cached_property
     def row_folds(self):
         """Folds of the first and of the last pose of each row, (N, 2); -1 for the prior's rows."""
-        folds = self.fold_of_pose[self.rows[0]]
-        return np.concatenate([folds, np.full((len(self.prior_rows[1]), 2), -1)])
+        folds, kind = self.fold_of_pose[self.rows[0]], self.rows[1]
+        return np.pad(folds, ((0, len(kind) - len(folds)), (0, 0)), constant_values=-1)
 
     @property
     def fold_of_row(self):
@@ -140,21 +189,18 @@ class PoseProblem:
         first = number[~is_held_out & after].min(initial=len(after))
         poses = number[is_held_out & (number > last) & (number < first)]
         # the kinds of residual that depend on this sensor; both sensors enter a rotation
-        kinds = {"rotation", *OF_SENSOR[effect.sensor]}.intersection(self.joint_fit.kinds)
-        of_sensor = sum(self.of_kind(kind) for kind in kinds)[: len(poses_of_row)]
+        kinds = ["rotation", *OF_SENSOR[effect.sensor]]
+        of_sensor = np.isin(self.rows[1], kinds)[: len(poses_of_row)]
         return np.flatnonzero(of_sensor & np.isin(poses_of_row, poses).any(axis=1))
 
     def of_kind(self, kind):
         """Return the rows of one kind of residual, (N,) of bool."""
         return self.rows[1] == kind
 
-    def rows_by_kind(self):
-        """Return a list with the rows of each kind of residual, (N,) of bool."""
-        return [self.of_kind(kind) for kind in self.joint_fit.kinds]
-
-    def components(self, kind):
-        """Return the number of rows of one residual."""
-        return self.joint_fit.kinds[kind][1]
+    @property
+    def kinds(self):
+        """Kinds of residuals: by kind, its SI unit and number of components."""
+        return self.joint_fit.kinds
 
     def with_folds(self, fold_of_pose):
         """Return the PoseProblem with other folds of the poses, (n,)."""
@@ -176,110 +222,69 @@ class PoseProblem:
 
     def linearization(self, effects=()):
         """Return the Linearization at the fit of all poses with some effects; it is stored."""
-        if effects not in self._fits:
-            self._fits[effects] = self._linearize(effects)
-        return self._fits[effects]
-
-    def _linearize(self, effects):
-        """Fit all poses with some effects and return the Linearization there."""
-        fitted_effects = (*self.nuisance_effects, *effects)
+        if effects in self._fits:
+            return self._fits[effects]
+        all_effects = (*self.nuisance_effects, *effects)
         # effects are added one by one: the fit without the last one is near
         start = self.linearization(effects[:-1]).solution.x if effects else None
-        R, z = self._prior_rows_of(fitted_effects), self.prior_rows[1]
-        # rows of the prior by all p parameters: the base model's columns, then the effects'
-        R_base = self.base_rows[0].reshape(-1, len(self.joint_fit.names))
-        R = np.hstack([np.pad(R_base, ((0, len(z) - len(R_base)), (0, 0))), R])
-        solution = self.joint_fit.fit(self.recording, fitted_effects, start, (R, z))
+        prior = self.prior(all_effects)
+        solution = self.joint_fit.fit(self.recording, all_effects, start, prior)
         factors = self.joint_fit.linearise(solution, self.recording)
-        values = np.append(factors.residual, R @ solution.x - z)
-        jacobian = np.concatenate([factors.jacobian, R])
-        fixed, slow, excess = self.joint_fit.noise_components(factors, len(z))
+        values, jacobian = with_prior(factors, solution.x, prior)
+        fixed, slow, excess = self.joint_fit.noise_components(factors, len(prior[1]))
         likelihood = SizeLikelihood(jacobian, fixed, [*slow, *excess])
         likeliest = likelihood.maximise(values)
-        # alternatives for the verdict: slow noise between the sizes as estimated and the likeliest
-        estimated = np.array([component.size for component in slow])
-        change = likely_sizes(values, jacobian, fixed, slow) - estimated
-        distance = change / [component.deviation for component in slow]
-        log_prior = np.array([-distance @ distance * share**2 / 2 for share in PATH])
-        covariances = [total_covariance(fixed, slow, estimated + share * change) for share in PATH]
         hypotheses, as_estimated = kind_hypotheses([*slow, *excess], likelihood, likeliest)
-        evidence = self._evidence(effects, values, jacobian, hypotheses, as_estimated)
-        return Linearization(
-            solution=solution,
-            factors=factors,
-            values=values,
-            jacobian=jacobian,
-            log_prior=log_prior,
-            covariances=covariances,
-            evidence=evidence,
-            likelihood=likelihood,
-            likeliest=likeliest,
-        )
-
-    def _evidence(self, effects, values, jacobian, hypotheses, as_estimated):
-        """Return the Evidence of the rows at the fit of all poses with some effects.
-
-        Parameters
-        ----------
-        effects : tuple of SensorEffect
-        values : ndarray, shape (N,)
-            Residuals of the fit.
-        jacobian : ndarray, shape (N, p)
-            Their derivative with respect to the parameters of the fit; those of the effects are
-            last.
-        hypotheses : Hypotheses
-            The h covariances that the noise may have, which are equally probable.
-        as_estimated : ndarray, shape (h,) of bool
-            Those that have the noise as estimated.
-
-        Returns
-        -------
-        Evidence
-            Its one group has all rows. Its nuisance parameters are those of the fit without
-            `effects`.
-        """
+        # the nuisance parameters are all parameters of the fit without `effects`
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
-        patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
-
-        def designs(variants):
-            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
-            new_patterns = self.patterns(
-                [variant for variant in variants if variant not in patterns]
-            )
-            return [(patterns | new_patterns)[variant] for variant in variants]
-
         group = RowGroup(
             values=-values[:, None],
             nuisance=jacobian[:, :nuisances],
             noise=hypotheses,
             row_folds=self.row_folds,
         )
-        log_prior = np.full(len(as_estimated), -np.log(len(as_estimated)))
-        # the size of the noise is known, so that a small χ² does not make errors smaller
-        return Evidence(
-            [group], log_prior, designs, least_scale=1.0, as_estimated_mask=as_estimated
+        fitted_patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
+
+        def designs(variants):
+            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
+            new = [variant for variant in variants if variant not in fitted_patterns]
+            patterns = fitted_patterns | self.patterns(new)
+            return [patterns[variant] for variant in variants]
+
+        evidence = Evidence(
+            [group],
+            # all hypotheses are equally probable
+            log_prior=np.full(len(as_estimated), -np.log(len(as_estimated))),
+            designs=designs,
+            # the size of the noise is known, so that a small χ² does not make errors smaller
+            least_scale=1.0,
+            as_estimated_mask=as_estimated,
         )
+        self._fits[effects] = Linearization(
+            solution=solution,
+            factors=factors,
+            values=values,
+            jacobian=jacobian,
+            evidence=evidence,
+            likelihood=likelihood,
+            likeliest=likeliest,
+        )
+        return self._fits[effects]
 
-    def _prior_rows_of(self, effects):
-        """Return the derivative R of the k rows of the prior by the parameters of effects, (k, q).
-
-        It is zero for an effect of which the prior tells nothing.
-        """
-        R_by_effect, z = self.prior_rows
-        rows = (R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
-        return np.hstack([np.zeros((len(z), 0)), *rows])
+    # every fit is stored: later tests are linearised at the fit of all poses with these effects
+    refit = linearization
 
     def patterns(self, effects):
         """Return the derivatives of all N rows by the q parameters of effects, (N, 1, q) each.
 
         The result is a dict by effect. The derivatives are taken at the fit without effects, and
-        stored. The rows of other records are the last ones.
+        stored. The rows of the prior are the last ones.
         """
-        new = [e for e in effects if e not in self._columns]
+        new, first = [e for e in effects if e not in self._columns], len(self.joint_fit.names)
         factors = self.linearization(()).factors
-        for first in range(0, len(new), BATCH_SIZE):
-            batch = new[first : first + BATCH_SIZE]
-            columns = np.concatenate([factors.columns(batch), self._prior_rows_of(batch)])
+        for start in range(0, len(new), BATCH_SIZE):
+            batch = new[start : start + BATCH_SIZE]
+            columns = np.concatenate([factors.columns(batch), self.prior(batch)[0][:, first:]])
             self._columns.update(split_by_effect(columns[:, None], batch))
         return {effect: self._columns[effect] for effect in effects}
 
@@ -315,10 +320,6 @@ class PoseProblem:
         squares = likelihood.prior_sizes**2, likeliest**2
         return [Hypotheses.of(map(likelihood.covariance, squares))]
 
-    def refit(self, effects):
-        """Fit all poses with some effects; later tests are linearised at this fit."""
-        self.linearization(effects)
-
     def most_changed_rows(self, search, base, trial):
         """Return the kind of residual that a trial changes most, and its rows, (N,) of bool.
 
@@ -328,18 +329,16 @@ class PoseProblem:
         training_fit = search.training_fit(base)
         extended = (*base, trial.effect)
         change = training_fit.residuals(base, 0) - training_fit.residuals(extended, 0)
-        # the first covariance is that of the noise as estimated
-        variance = np.diag(self.nearest_linearization(base).covariances[0])
-        by_kind = [rows & (self.fold_of_row >= 0) for rows in self.rows_by_kind()]
-        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
-        kind = list(self.joint_fit.kinds)[int(np.argmax(size))]
+        square = change**2 / self.nearest_linearization(base).variance
+        square[self.fold_of_row < 0] = 0.0
+        kind = max(self.kinds, key=lambda kind: square[self.of_kind(kind)].sum())
         return kind, self.of_kind(kind)
 
     def covariance(self, effects):
         """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
         It is the average over the noise hypotheses, the covariances that the noise may have,
-        weighted by their probability. The covariance under one hypothesis is that of generalised
+        weighted by their probability. The covariance under one hypothesis follows from generalised
         least squares, times the reduced χ² if that is above one, plus the square of the difference
         between the solution under this hypothesis and the fit. The constants of the effects, such
         as time constants, are uncertain too: their logarithms count as further parameters with a
@@ -383,18 +382,6 @@ class PoseProblem:
                 derivatives.append((up - down) / (2 * np.log(1.05)))
         return derivatives
 
-    def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect could not be tested.
-
-        `search` is the Search that tried it.
-        """
-        rows = search.training_fit(()).free_rows
-        variants = self.variants.get(kind) or (kind.cls(),)
-        least = min(len(variant.parameters) for variant in variants)
-        if rows <= least:
-            return f"{rows} residuals to spare do not determine {least} more parameters"
-        return "what it adds in these data is taken up by the base model"
-
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.
 
@@ -402,17 +389,59 @@ class PoseProblem:
         covariance is zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
-        (nuisance_change,), changes = self.training_fit(effects, held_out).parameters(effects, 0)
-        x = solution.x.copy()
-        # the nuisance parameters: the base model and the effects that other records showed
-        x[: len(nuisance_change)] += nuisance_change
-        parameters = split_by_effect(x[first:], solution.effects)
-        for effect, change in changes.items():
-            # the fit of all poses may lack an effect: its parameters then start at zero
-            parameters[effect] = parameters.get(effect, 0.0) + change
         all_effects = (*self.nuisance_effects, *effects)
-        x = np.concatenate([x[:first], *(parameters[e] for e in all_effects)])
+        # the fit of all poses may lack an effect: its parameters then start at zero
+        start = split_by_effect(solution.x[first:], solution.effects)
+        start = [start.get(e, np.zeros(len(e.parameters))) for e in all_effects]
+        training_fit = self.training_fit(effects, held_out)
+        (nuisances,), coefficients = training_fit.solve(effects, 0)
+        index, scale = training_fit.evidence.parameters_of(effects, 0)
+        x = np.concatenate([solution.x[:first], *start])
+        # the base model and the effects that other records showed are nuisance parameters
+        x[: len(nuisances)] += nuisances
+        x[len(nuisances) + index] += coefficients / scale
         return replace(solution, effects=all_effects, x=x, covariance=np.zeros((len(x),) * 2))
+
+
+def kind_hypotheses(components, likelihood, likeliest):
+    """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
+
+    Under each hypothesis, the components of one kind of residual have the likeliest sizes and all
+    others the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
+    and the last one has all likeliest sizes.
+
+    Parameters
+    ----------
+    components : list of Component
+        The k variance components of the noise.
+    likelihood : SizeLikelihood
+        Likelihood of their sizes.
+    likeliest : ndarray, shape (k,)
+        The most likely sizes.
+
+    Returns
+    -------
+    Hypotheses
+        h hypotheses.
+    ndarray, shape (h,) of bool
+        Which of them have all sizes as estimated.
+    """
+    kinds, number = np.unique([c.kind for c in components], return_inverse=True)
+    # which kinds have the likeliest sizes: none, one, all but one, all
+    single = np.eye(len(kinds), dtype=bool)
+    none = np.zeros_like(single)
+    is_likeliest = np.unique(np.vstack([none, single, ~single, ~none]), axis=0)[:, number]
+    sizes = np.where(is_likeliest, likeliest, likelihood.prior_sizes)
+    return Hypotheses.of(map(likelihood.covariance, sizes**2)), ~is_likeliest.any(axis=1)
+
+
+def split_by_effect(values, effects):
+    """Return a dict that has for each effect its part of the last axis of `values`.
+
+    The last axis, (q,), has the parameters of all effects, one effect after the other.
+    """
+    ends = pairwise(np.cumsum([0, *(len(e.parameters) for e in effects)]))
+    return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}
 
 
 def interleaved_folds(count, folds):

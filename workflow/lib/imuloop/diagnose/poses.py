@@ -11,19 +11,17 @@ from imuloop.calibrate.contradictions import change
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
-from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
-from imuloop.diagnose.records.record_diagnosis import PoseResult, diagnose_record, final_solution
-from imuloop.diagnose.records.scan import pose_step
+from imuloop.diagnose.content import candidates, untried
+from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.record import PoseResult, diagnose_record, final_solution
+from imuloop.diagnose.steps import pose_step
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 from imuloop.estimate.least_squares import why_no_fit
-from imuloop.estimate.verdict import (
-    not_testable,
-)
+from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import OF_SENSOR
+from imuloop.model.effect import Channels
 from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
@@ -46,9 +44,10 @@ def pose_candidates(sensor, recording, static_effects=()):
     poses = recording.poses
     if not len(poses):
         return {}, {}
-    other = poses.w if sensor == "accelerometer" else poses.f
-    # the choice of variants needs time and temperature only: the output may stay uncalibrated
-    channels = recording.pose_channels(sensor, lambda y: y, other)
+    # the choice of variants depends on time, temperature and power cycle, not on outputs
+    channels = Channels(
+        poses.mid_s, None, None, temperature=poses.temperature, power_cycle=poses.power_cycle
+    )
     variants, reasons = candidates(sensor, "poses", channels)
     if np.ptp(poses.session):
         del variants[Steps]
@@ -59,7 +58,7 @@ def pose_candidates(sensor, recording, static_effects=()):
     return variants, reasons
 
 
-def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
+def pose_problem(joint_fit, recording, settings, tests, static=None):
     """Return the PoseProblem of a device: its poses, their folds, and the effects to try.
 
     Neighbouring poses are in different folds of the cross-validation. Effects are tried on the
@@ -75,32 +74,33 @@ def pose_problem(joint_fit, recording, settings, tests, static_effects=(), infor
     settings : DiagnoseSettings
     tests : int
         Number of tests that share the significance.
-    static_effects : sequence of SensorEffect
-        Effects that static records showed; every fit estimates those of the fitted sensors.
-    information : callable, optional
-        Function that takes effects and returns the Fisher information of the static records about
-        their q parameters, (q, q), and its moment, (q,).
+    static : StaticResult, optional
+        Diagnosis of static records. Every fit estimates the effects that they showed on the fitted
+        sensors; an effect of the temperature needs poses with a temperature.
     """
+    nuisances = tuple(
+        e
+        for e in (static.sensor_effects if static else ())
+        if e.sensor in joint_fit.estimated
+        and (recording.poses.temperature is not None or "temperature" not in e.needs)
+    )
     variants, scans, few = {}, {}, too_few(recording)
     for sensor in (s for s in joint_fit.estimated if s not in few):
-        for cls, tried in pose_candidates(sensor, recording, static_effects)[0].items():
+        for cls, tried in pose_candidates(sensor, recording, nuisances)[0].items():
             kind = EffectKind(cls, sensor)
             if cls is Steps:
                 scans[kind] = partial(pose_step, sensor)
             else:
                 variants[kind] = tuple(SensorEffect(variant, sensor) for variant in tried)
-    folds = interleaved_folds(len(recording.poses), settings.folds)
-    nuisances = tuple(e for e in static_effects if e.sensor in joint_fit.estimated)
     return PoseProblem(
         joint_fit=joint_fit,
         recording=recording,
         variants=variants,
         settings=settings,
         tests=tests,
-        fold_of_pose=folds,
+        fold_of_pose=interleaved_folds(len(recording.poses), settings.folds),
         nuisance_effects=nuisances,
-        information=information,
-        base_rows=joint_fit.known,
+        static=static,
         scans=scans,
     )
 
@@ -109,7 +109,7 @@ def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
     If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
-    itself. If those of the accelerometer do, neither sensor gets a calibration, because the
+    itself. If the data of the accelerometer do, neither sensor gets a calibration, because the
     gyroscope needs the directions of gravity.
 
     Parameters
@@ -135,7 +135,7 @@ def diagnose_poses(problem, reasons):
     try:
         if not tested:
             solution, calibrations = final_solution(problem, ())
-            result = PoseResult(contents, joint_fit, solution, calibrations)
+            result = PoseResult(contents, problem, solution, calibrations)
         else:
             kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             not_tried = {s: pose_candidates(s, recording, static_effects)[1] for s in tested}
@@ -143,20 +143,19 @@ def diagnose_poses(problem, reasons):
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
-        return PoseResult(contents | {s: not_testable(why) for s in tested}, joint_fit)
+        return PoseResult(contents | {s: not_testable(why) for s in tested}, problem)
     for effect in (e for e in static_effects if e.sensor in tested):
         entry = untried(effect.name, "added", "found in the static record")
         result.contents[effect.sensor]["candidates"].append(entry)
-    rejected = rejections(result, recording)
+    rejected = rejections(result)
     if not rejected:
         return result
     # the gyroscope is calibrated with the directions of gravity that the accelerometer shows
     if "accelerometer" in rejected or "accelerometer" not in sensors:
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
-        return PoseResult(contents | lost, joint_fit, rejected=rejected)
+        return PoseResult(contents | lost, problem, rejected=rejected)
     accelerometer = joint_fit.of_sensors(["accelerometer"])
-    settings, tests, information = problem.settings, problem.tests, problem.information
-    alone = pose_problem(accelerometer, recording, settings, tests, static_effects, information)
+    alone = pose_problem(accelerometer, recording, problem.settings, problem.tests, problem.static)
     again = diagnose_poses(alone, reasons | rejected)
     return replace(again, rejected=rejected | again.rejected)
 
@@ -180,15 +179,15 @@ def too_few(recording):
     return {}
 
 
-def rejections(result, recording):
+def rejections(result):
     """Return the reasons, text by sensor, why the calibration of a sensor is rejected.
 
     Its data contradict each other, or the sensor changed during the recording, and the effects that
     were added do not explain this.
     """
-    rejected = {}
+    rejected, recording = {}, result.problem.recording
     if result.solution is not None:
-        rejected = contradictions(result.joint_fit, result.solution, recording)
+        rejected = contradictions(result.problem.joint_fit, result.solution, recording)
     for sensor in result.calibrations:
         # a step that is in the model leaves no large residuals
         residuals = result.contents[sensor]["residuals"].values()
@@ -205,6 +204,6 @@ def pose_products(recording, sensor):
 
     An accelerometer has products of specific force only: at rest the angular rate is zero.
     """
-    channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
+    channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)

@@ -10,15 +10,15 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
-from imuloop.diagnose.records.record_diagnosis import PoseResult, diagnose_record
+from imuloop.diagnose.pose_problem import PoseProblem, interleaved_folds
+from imuloop.diagnose.record import PoseResult, diagnose_record
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import AT_RESTS, VELOCITY
-from imuloop.factors.velocity import midpoints
+from imuloop.factors.rows import midpoints
 from imuloop.model.effect import Effect
 from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import BIAS, COUNT, State
@@ -27,7 +27,7 @@ from imuloop.model.state import BIAS, COUNT, State
 LEAST_MOVES = 10
 # m/s; largest velocity that a usable move may lose between two samples: half a g at 100 Hz
 SPOILED = 0.05
-# largest velocity that dropped samples of a usable move may hide, over that of the noise
+# largest velocity that dropped samples of a usable move may hide, over the velocity by noise
 HIDDEN = 0.25
 SOFTER = (
     "low-pass the accelerometer below half the rate, turn in one to two seconds and set the device "
@@ -78,9 +78,7 @@ def candidates_in_motion(nuisance_kinds):
         kind = EffectKind(cls, cls.sensors[0])
         if "motion" in cls.records and kind not in nuisance_kinds:
             # the variants of effects in motion do not depend on the data
-            variants[kind] = tuple(
-                SensorEffect(variant, kind.sensor) for variant in cls.variants(None)
-            )
+            variants[kind] = tuple(SensorEffect(v, kind.sensor) for v in cls.variants(None))
     return variants
 
 
@@ -90,57 +88,50 @@ def motion_products(sensor):
     return tuple(product for product in every_product if "motion" in product.records)
 
 
-def diagnose_motion(poses, recording, settings, tests, information=None):
+def diagnose_motion(poses):
     """Search for effects in the moves of a device, and judge the velocities that remain.
 
     Parameters
     ----------
     poses : PoseResult
-        The diagnosis at the poses, with the fit to start from.
-    recording : Recording
-        Poses and moves.
-    settings : DiagnoseSettings
-    tests : int
-        Number of tests of the other records, which share the significance.
-    information : callable, optional
-        Function that takes effects and returns the Fisher information of the static records about
-        their q parameters, (q, q), and its moment, (q,).
+        The diagnosis at the poses, with the problem and the fit to start from.
 
     Returns
     -------
     PoseResult
         It has calibrations if an effect was added.
     """
-    joint_fit, solution = poses.joint_fit, poses.solution
-    if solution is None or set(joint_fit.estimated) != set(SENSORS):
+    problem, solution = poses.problem, poses.solution
+    if solution is None or set(problem.joint_fit.estimated) != set(SENSORS):
         return no_result("the poses do not determine both sensors")
+    recording, settings = problem.recording, problem.settings
     if recording.slow_force:
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return no_result(f"{why} two of its samples: log both at one rate")
     # the parameters of the base model, without effects
-    start = solution.x[:COUNT]
-    knock, lossy, tilted = move_faults(recording, start[BIAS])
+    start, first, tilt = solution.x[:COUNT], recording.rotations.first, recording.poses.tilt
+    knock = knocks(recording, start[BIAS])
+    # dropped samples may hide too large a velocity; a rest with a tilt has one that is not zero
+    lossy = hidden_velocity(recording, start[BIAS]) > HIDDEN
+    tilted = (tilt[first] > 0) | (tilt[first + 1] > 0)
     columns = {"knock_m_s": knock}
     usable = (knock <= SPOILED) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
     if usable.sum() < LEAST_MOVES:
         return no_result(_too_few_moves(recording, usable, knock, lossy, tilted), columns)
-    state, factors = State(solution.x, solution.effects), replace(joint_fit.factors, quiet=usable)
-    factors = factors.without_rotation(recording, state, joint_fit.noise)
-    joint_fit = replace(joint_fit, factors=factors, start=start)
+    state = State(solution.x, solution.effects)
+    factors = replace(problem.joint_fit.factors, quiet=usable)
+    factors = factors.without_rotation(recording, state, problem.joint_fit.noise)
     variants = candidates_in_motion(kinds_of(solution.effects))
-    tests += settings.family * len(variants)
-    # the last entry, at index -1, is the fold of the poses: none
-    folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
     problem = MotionProblem(
-        joint_fit=joint_fit,
+        joint_fit=replace(problem.joint_fit, factors=factors, start=start),
         recording=recording,
         variants=variants,
         settings=settings,
-        tests=tests,
-        fold_of_pose=folds,
+        tests=problem.tests + settings.family * len(variants),
+        # the last entry, at index -1, is the fold of the poses: none
+        fold_of_pose=np.append(interleaved_folds(len(usable), settings.folds), -1),
         nuisance_effects=solution.effects,
-        information=information,
-        base_rows=joint_fit.known,
+        static=problem.static,
     )
     try:
         # the same residuals judge both sensors
@@ -156,26 +147,6 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     has_new_effects = len(result.solution.effects) > len(solution.effects)
     calibrations = result.calibrations if has_new_effects else {}
     return replace(result, calibrations=calibrations, residuals=columns)
-
-
-def move_faults(recording, gyroscope_bias):
-    """Return the faults that make moves unusable, for each of the m moves of a recording.
-
-    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
-
-    Returns
-    -------
-    knock : ndarray, shape (m,)
-        Velocity that the move may lose between two samples, m/s; nan if the specific force is
-        saturated.
-    lossy : ndarray, shape (m,) of bool
-        Whether dropped samples may hide too large a velocity.
-    tilted : ndarray, shape (m,) of bool
-        Whether a rest before or after the move has a tilt, and so a velocity that is not zero.
-    """
-    first, tilt = recording.rotations.first, recording.poses.tilt
-    lossy = hidden_velocity(recording, gyroscope_bias) > HIDDEN
-    return knocks(recording, gyroscope_bias), lossy, (tilt[first] > 0) | (tilt[first + 1] > 0)
 
 
 def _too_few_moves(recording, usable, knock, lossy, tilted):

@@ -7,9 +7,8 @@ from scipy.special import chdtrc, chdtri, chndtrinc
 from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_reference, windows_of
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.records.pose_tables import no_tables
-from imuloop.estimate.error_ratio import ratio_interval
-from imuloop.estimate.residuals import rms_norm
+from imuloop.diagnose.tables import no_tables
+from imuloop.estimate.held_out import ratio_interval, rms_norm
 from imuloop.estimate.verdict import not_testable, verdict
 from imuloop.model.effect import OUTPUT
 
@@ -135,9 +134,9 @@ def _by_session(set_up, windows, logs, calibration):
     """Return bias b and mounting, a rotation vector m, rad, for each session.
 
     The bias is in nominal SI: raw readings by the nominal scale. The mounting rotates from the axes
-    of the IMU to those of the tracked body. The result has the fields of diagnosis.json by name of
-    the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs` has
-    the ReferenceLog of each session, and `calibration` is the SensorCalibration.
+    of the IMU to the axes of the tracked body. The result has the fields of diagnosis.json by name
+    of the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs`
+    has the ReferenceLog of each session, and `calibration` is the SensorCalibration.
     """
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))

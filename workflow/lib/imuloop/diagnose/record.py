@@ -1,24 +1,19 @@
 """Diagnosis of one kind of record: search for effects, and residuals compared with their floor."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from imuloop.core.errors import plural
 from imuloop.diagnose.content import residuals_content, search_content, size_of
-from imuloop.diagnose.records.pose_tables import residual_columns
+from imuloop.diagnose.pose_problem import PoseProblem
+from imuloop.diagnose.tables import residual_columns
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.joint_fit import JointFit
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.least_squares import Fit
-from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.search import kinds_of
-from imuloop.estimate.verdict import (
-    LEFT,
-    ResidualGroup,
-    compare_with_noise,
-    may_lack_effect,
-)
+from imuloop.estimate.verdict import LEFT, ResidualGroup, compare_with_noise, may_lack_effect
 from imuloop.factors.factors import VELOCITY
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -35,7 +30,7 @@ class PoseResult:
     """The diagnosis of both sensors at the poses, or in motion."""
 
     contents: dict  # content of diagnosis.json, by sensor
-    joint_fit: JointFit | None = None  # None if the poses determine no sensor
+    problem: PoseProblem | None = None  # None if the poses determine no sensor
     # the fit with the added effects; None if nothing could be fitted
     solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
@@ -66,25 +61,28 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     -------
     PoseResult
     """
-    result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
-    for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
+    choices, formulas_by_kind = Choices(problem), {}
+    contents, columns = judge_residuals(choices, kinds_by_sensors)
+    for sensor in (s for s, content in contents.items() if may_lack_effect(content)):
         if variants := formulas(sensor):
             kind = EffectKind(Product, sensor)
             formulas_by_kind[kind] = tuple(SensorEffect(variant, sensor) for variant in variants)
     if formulas_by_kind:
         choices = Choices(problem.with_formulas(formulas_by_kind))
-        result = judge_records(choices, kinds_by_sensors)
+        contents, columns = judge_residuals(choices, kinds_by_sensors)
+    effects = choices.choice().effects
+    solution, calibrations = final_solution(problem, effects)
     # the added effects with their parameters, in the order in which they were added
-    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
-    added = [fitted[e.sensor, e.effect] for e in result.choices.choice().effects]
+    fitted = {(s, f.effect): f for s, c in calibrations.items() for f in c.effects}
+    added = [fitted[e.sensor, e.effect] for e in effects]
     contents = {
-        sensor: content | search_content(result.choices, added, reasons.get(sensor, {}), sensor)
-        for sensor, content in result.contents.items()
+        sensor: content | search_content(choices, added, reasons.get(sensor, {}), sensor)
+        for sensor, content in contents.items()
     }
-    return replace(result, contents=contents)
+    return PoseResult(contents, problem, solution, calibrations, choices, columns)
 
 
-def judge_records(choices, kinds_by_sensors):
+def judge_residuals(choices, kinds_by_sensors):
     """Compare the residuals of a record with their floors, the errors that noise alone gives.
 
     Parameters
@@ -96,8 +94,10 @@ def judge_records(choices, kinds_by_sensors):
 
     Returns
     -------
-    PoseResult
-        Its contents have the verdict and the residuals by sensor, but no effects and candidates.
+    dict of str to dict
+        By sensor, the fields of diagnosis.json about the residuals.
+    dict of str to ndarray
+        Columns of all kinds of residuals for poses.parquet or moves.parquet.
     """
     # held-out errors, for which the effects are chosen again without each fold
     errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
@@ -105,15 +105,7 @@ def judge_records(choices, kinds_by_sensors):
         content, columns_of_kinds = judge_sensors(choices, sensors, kinds, errors)
         contents |= dict.fromkeys(sensors, content)
         columns |= columns_of_kinds
-    solution, calibrations = final_solution(choices.problem, choices.choice().effects)
-    return PoseResult(
-        contents=contents,
-        joint_fit=choices.problem.joint_fit,
-        solution=solution,
-        calibrations=calibrations,
-        choices=choices,
-        residuals=columns,
-    )
+    return contents, columns
 
 
 def judge_sensors(choices, sensors, kinds, errors):
@@ -148,41 +140,38 @@ def judge_sensors(choices, sensors, kinds, errors):
     errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
-    comparisons_before = comparisons
-    if has_effects:
-        _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
+    pair = compare_rows(problem, before, kinds, errors[0])[1] if has_effects else comparisons
     # the floor is the mean over the alternatives of the noise in the fit with effects
-    jacobian, row_folds = before.jacobian, problem.row_folds
     floors = [
-        np.diag(held_out_covariance(covariance, jacobian, row_folds))[:, None]
-        for covariance in after.covariances
+        np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))[:, None]
+        for covariance in after.alternatives[1]
     ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
-    units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
-    pair = comparisons_before, comparisons
-    content = residuals_content(problem, units, pair, errors, floor, has_effects)
+    content = residuals_content(problem, kinds, (pair, comparisons), errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
         rows = problem.of_kind(kind)
         sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
         sizes.append(entry["floor"])
         entry["floor_range"] = [min(sizes), max(sizes)]
-        entry["in_sample_before"] = size_of(problem, kind, before.values[rows][:, None])
-        entry["in_sample_after"] = size_of(problem, kind, after.values[rows][:, None])
+        for when, linearization in (("before", before), ("after", after)):
+            in_sample = linearization.values[rows][:, None]
+            entry[f"in_sample_{when}"] = size_of(problem, kind, in_sample)
     if "rotation" in kinds:
         entry = content["residuals"]["rotation"]
-        entry |= undersampled(problem, after.solution, entry["floor"])
-    p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
-    if problem.recording.rotations.aliased.any():
+        entry |= undersampled(problem, after, entry["floor"])
+    significance = problem.settings.residual_significance
+    content["slow_noise"] = content["verdict"] not in LEFT and any(
+        comparison.p_value_as_estimated < significance
+        for kind, comparison in zip(kinds, comparisons, strict=True)
         # turns that were sampled too slowly have their own error, which is not slow noise
-        p_values.pop("rotation", None)
-    significant = any(p < problem.settings.residual_significance for p in p_values.values())
-    content["slow_noise"] = significant and content["verdict"] not in LEFT
-    if content["verdict"] == "unexplained" and MOVED.intersection(kinds):
-        moved = problem.recording.poses.tilt > 0
-        if moved.mean() >= MOVED_RESTS:
-            why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
-            content |= {"verdict": "not_testable", "why": why + STILL}
+        if kind != "rotation" or not problem.recording.rotations.aliased.any()
+    )
+    moved = problem.recording.poses.tilt > 0
+    may_have_moved = MOVED.intersection(kinds) and moved.mean() >= MOVED_RESTS
+    if content["verdict"] == "unexplained" and may_have_moved:
+        why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
+        content |= {"verdict": "not_testable", "why": why + STILL}
     # held-out errors get the sign of the residuals of the fit
     signed = (*(-e[:, 0] for e in errors), before.values, after.values)
     return content, residual_columns(problem, kinds, signed, floor[:, 0])
@@ -209,20 +198,19 @@ def compare_rows(problem, linearization, kinds, errors):
     list of NoiseComparison
         The comparison for each kind.
     """
-    rows = [problem.of_kind(kind) for kind in kinds]
+    log_prior, covariances = linearization.alternatives
     group = ResidualGroup(
         values=linearization.values,
+        errors=errors,
         jacobian=linearization.jacobian,
-        covariances=linearization.covariances,
+        covariances=covariances,
         row_folds=problem.row_folds,
-        kinds=rows,
+        kinds=[problem.of_kind(kind) for kind in kinds],
     )
-    squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
-    predicted = np.isfinite(errors[:, 0])
-    return compare_with_noise([group], linearization.log_prior, squares, predicted=predicted)
+    return compare_with_noise([group], log_prior)
 
 
-def undersampled(problem, solution, floor):
+def undersampled(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
     Both errors come from the noise as estimated.
@@ -230,7 +218,7 @@ def undersampled(problem, solution, floor):
     Parameters
     ----------
     problem : PoseProblem
-    solution : Fit
+    linearization : Linearization
         The fit of all poses.
     floor : float
         Held-out error of the rotations that the noise alone gives, rad. It limits both errors
@@ -239,29 +227,26 @@ def undersampled(problem, solution, floor):
     Returns
     -------
     dict
-        One field, ``undersampled``, or none. It has the ``error`` by sampling and that of all
+        One field, ``undersampled``, or none. It has the ``error`` by sampling and the error by all
         ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
         be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
     """
-    joint_fit, recording = problem.joint_fit, problem.recording
-    rotations = recording.rotations
+    rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():
         return {}
-    noise, variances = joint_fit.linearise(solution, recording).noise, []
-    for aliasing in (True, False):
-        covariance = noise.by(joint_fit.noise, aliasing)
-        # the last rows are those of the rotations, two each
-        variances.append(np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations))
-    total, others = variances
-    sampling = min(total, floor**2) - others
+    # the last rows belong to the rotations, two each
+    others, sampling = (
+        np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations)
+        for covariance in (noise.by(problem.joint_fit.noise, aliasing=False), noise.of_aliasing())
+    )
+    sampling = min(others + sampling, floor**2) - others
     if sampling <= others:
         return {}
     rate = 1 / np.median(rotations.steps[rotations.steps > 0])
     fall = np.average(rotations.fall, weights=rotations.aliased)
-    enough = rate * (sampling / others) ** (1 / fall)
-    names = "error", "others", "rate_hz", "enough_hz"
-    values = map(float, (sampling**0.5, others**0.5, rate, enough))
-    return {"undersampled": dict(zip(names, values, strict=True))}
+    entry = {"error": float(sampling**0.5), "others": float(others**0.5), "rate_hz": float(rate)}
+    entry["enough_hz"] = float(rate * (sampling / others) ** (1 / fall))
+    return {"undersampled": entry}
 
 
 def final_solution(problem, effects):

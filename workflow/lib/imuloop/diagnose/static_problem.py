@@ -7,14 +7,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from imuloop.diagnose.records.scan import best_steps
-from imuloop.diagnose.records.slow_noise import hypotheses, ratios
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.steps import BESIDE, best_steps
 from imuloop.effects.steps import Steps
 from imuloop.estimate.axis_fit import combined_axes
-from imuloop.estimate.evidence import Evidence, RowGroup
+from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
+from imuloop.estimate.search import Search
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.model.effect import FittedEffect
+
+# ratio of neighbouring variances of flicker, and of random walk, on the grid of noise hypotheses
+STEP = 6.0
+# prior probability that an axis has no flicker, and that it has no random walk
+ABSENT = (1 / 2, 1 / 10)
+# probability that a device which was not moved counts as moved
+MOVED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,9 @@ class StaticProblem:
     scans: ClassVar = {Steps: best_steps}
     # whether a scan is repeated when the base has grown; unit of the held-out errors
     scans_again, error_scale = False, 1.0
+    # the only kind of residual, with its unit and number of components
+    kinds: ClassVar = {"bias": ("output", 1)}
+    why_no_trial = "what it adds in these data is taken up by the bias"
 
     @property
     def folds(self):
@@ -137,17 +148,37 @@ class StaticProblem:
         """Return the rows of one kind of residual, (N,) of bool: all, since there is one kind."""
         return np.ones(len(self.fold_of_row), dtype=bool)
 
-    def rows_by_kind(self):
-        """Return a list with the rows of each kind of residual, (N,) of bool."""
-        return [self.of_kind("bias")]
 
-    def components(self, kind):
-        """Return the number of rows that make up one residual, 1."""
-        return 1
+def ratios(span, length):
+    """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
 
-    def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect could not be tested."""
-        return "what it adds in these data is taken up by the bias"
+    N, B and K are the coefficients of white noise, flicker and random walk. The record has the
+    `span` S and windows of `length` τ, s. In its mode k, of k half waves, the variance of flicker
+    is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
+    ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
+    noise in the middle mode. The prior is uniform in the logarithm of each ratio.
+    """
+    axes, priors = [], []
+    for power, absent in zip((1, 2), ABSENT, strict=True):
+        # least ratio, from the slowest mode, and largest ratio, from the middle mode
+        low, high = 0.5 * (np.pi / span) ** power, 30 * (0.5 * np.pi / length) ** power
+        count = max(2, int(np.ceil(np.log(high / low) / np.log(STEP))) + 1)
+        axes.append(np.concatenate([[0.0], low * STEP ** np.arange(count)]))
+        priors.append(np.concatenate([[absent], np.full(count, (1 - absent) / count)]))
+    flicker, walk = np.meshgrid(*axes, indexing="ij")
+    grid = np.column_stack([flicker.ravel(), walk.ravel()])
+    return grid, np.log(np.outer(*priors)).ravel()
+
+
+def hypotheses(windows, grid):
+    """Return the Hypotheses of means over n windows: g covariances that their noise may have.
+
+    `windows`, (n, 2), are start and end of each window, s. `grid`, (g, 2), has the ratios
+    ``B²/N²``, Hz, and ``K²/N²``, Hz², of flicker and random walk to white noise, which has N = 1.
+    """
+    one = Coefficient(1.0)
+    white, flicker, walk = (AxisNoise(**{n: one}).mean_covariance(windows) for n in "NBK")
+    return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)
 
 
 def fitted_effects(search, effects):
@@ -155,21 +186,17 @@ def fitted_effects(search, effects):
 
     The result is None if an axis cannot estimate them. `search` is the Search of the records.
     """
-    training_fit = search.training_fit(effects)
-    # the derivatives of the rows, scaled to columns of length one
-    patterns = training_fit.evidence.patterns(effects)
-    # index of the first parameter of each effect, and their number
-    ends, estimates = np.cumsum([0, *(len(e.parameters) for e in effects)]), []
-    for axis in range(training_fit.evidence.axes):
-        if not training_fit.evidence.columns_of(effects, axis):
+    training_fit, estimates = search.training_fit(effects), []
+    evidence = training_fit.evidence
+    for axis in range(evidence.axes):
+        index, scale = evidence.parameters_of(effects, axis)
+        if not len(index):
             continue
         coefficients, covariance = training_fit.estimate(effects, axis)
         if coefficients is None:
             return None
-        starts = zip(ends, patterns, strict=False)
-        index = np.concatenate([start + np.array(p.parameters[axis], int) for start, p in starts])
-        scale = np.concatenate([p.scale[axis] for p in patterns])
         estimates.append((index, coefficients / scale, covariance / np.outer(scale, scale)))
+    ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     values, covariance = combined_axes(ends[-1], estimates)
     std, fitted = np.sqrt(np.diag(covariance)), []
     for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
@@ -185,9 +212,9 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as those of a fit of the effects to the records: it is the largest ratio of
-    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
-    the noise hypotheses, the covariances that the noise may have.
+    as large as the errors of a fit of the effects to the records: it is the largest ratio of ``dᵀ
+    P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over the
+    noise hypotheses, the covariances that the noise may have.
 
     Parameters
     ----------
@@ -217,7 +244,7 @@ def information(search, base, effects):
         fit = training_fit.fit(base, axis)
         columns = np.column_stack([design[:, axis] / size, values[:, axis]])
         products, variance = training_fit.moments(fit, columns)
-        # the last column is that of the values
+        # the last column has the values
         square, variance = np.diag(products)[:-1], np.diag(variance)[:-1]
         shown = square > ABSORBED * square.max()
         if shown.any():
@@ -229,3 +256,67 @@ def information(search, base, effects):
     A = precision[:q, :q] - share @ precision[q:, :q]
     b = moment[:q] - share @ moment[q:]
     return A * np.outer(size[:q], size[:q]), b * size[:q]
+
+
+def cut_at_tilts(records, least):
+    """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
+
+    A tilt changes the means of an accelerometer, but it is not an effect of the sensor. A record is
+    cut at a disturbance if the means before and after it differ by more than the noise, slow noise
+    included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
+    is left out. A record has the means over windows of one rest.
+    """
+    steps = [Steps((t,), (r.session,)) for r in records for t in _disturbances(r)]
+    if not steps:
+        return list(records)
+    problem = StaticProblem(
+        records=records,
+        variants={},
+        settings=DiagnoseSettings(significance=MOVED),
+        tests=len(steps),
+    )
+    # the most significant step is added, then the next, until none is
+    search, significant = Search(problem, held_out=frozenset()), ()
+    while True:
+        trials = search.tests(significant, [s for s in steps if s not in significant])
+        best = min((t for t in trials if t), key=lambda t: t.log_p, default=None)
+        if best is None or best.log_p >= search.threshold(len(significant)):
+            break
+        significant = (*significant, best.effect)
+    jumps, pieces = fitted_effects(search, significant), []
+    for record in records:
+        starts, cuts, last = record.windows[:, 0], [], -np.inf
+        in_record = [jump for jump in jumps if jump.effect.sessions == (record.session,)]
+        for jump in sorted(in_record, key=lambda jump: jump.effect.times):
+            (t,) = jump.effect.times
+            before = (starts >= last) & (starts < t)
+            if is_tilt(jump, record.values[before].mean(axis=0)):
+                cuts.append(t)
+            last = t
+        piece = np.searchsorted(cuts, starts, side="right")
+        pieces += [record.part(piece == k) for k in np.unique(piece)]
+    return [piece for piece in pieces if len(piece.windows) >= least]
+
+
+def is_tilt(jump, level):
+    """Return whether a jump of specific force may be a tilt, which keeps its magnitude.
+
+    `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
+    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. Three standard
+    errors are allowed. A jump along gravity is not a tilt.
+    """
+    h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
+    size = np.linalg.norm(level)
+    along = level @ h / size + h @ h / (2 * size)
+    return bool(abs(along) <= 3 * np.linalg.norm(level / size * std))
+
+
+def _disturbances(record):
+    """Return the times, s, of disturbances with enough windows just before and after them, a list.
+
+    They are the starts of the undisturbed stretches that follow them.
+    """
+    first = np.flatnonzero(np.diff(record.stretch)) + 1
+    sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))
+    enough = (sizes[:-1] >= BESIDE) & (sizes[1:] >= BESIDE)
+    return record.windows[first[enough], 0].tolist()

@@ -1,0 +1,389 @@
+"""Diagnosis of static records: effects in means at rest, and the noise without these effects.
+
+A static record has the means over n windows of a long rest; the N rows are the means of all records
+of one sensor.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from imuloop.core.noise_model import NoiseModel, without_weight
+from imuloop.core.samples import SENSORS
+from imuloop.diagnose.content import candidates, residuals_content, search_content, untried
+from imuloop.diagnose.static_means import LONG_REST
+from imuloop.diagnose.static_problem import (
+    StaticProblem,
+    cut_at_tilts,
+    fitted_effects,
+    information,
+)
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.held_out import held_out_covariance
+from imuloop.estimate.least_squares import why_no_fit
+from imuloop.estimate.noise_components import FARTHEST
+from imuloop.estimate.verdict import (
+    LEFT,
+    MARGIN,
+    ResidualGroup,
+    compare_with_noise,
+    not_testable,
+)
+from imuloop.model.effect import OUTPUT, Channels, Effect
+from imuloop.model.effects import SensorEffect
+from imuloop.noise.allan import session_curves
+from imuloop.noise.noise import estimate_noise
+
+# number of windows that is enough to tell noise from spectral lines
+ENOUGH = 64
+# reasons why a static record cannot show effects that poses can show
+NOT_SHOWN = {
+    "bias_drift": "in a static record it is called ramp",
+    "turn_on_bias": "every static record has a level of its own: see its scatter over power cycles",
+}
+ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias"
+
+
+@dataclass(frozen=True)
+class StaticFinding:
+    """The result of the search in the static records of one sensor."""
+
+    choices: Choices  # the searches and the choice of effects
+    reasons: dict  # status and reason of effects that cannot be tried
+    effects: tuple  # FittedEffects that were added
+    # the same plus the best effect that passes the test but that cross-validation does not confirm
+    doubtful: tuple
+    # held-out errors without and with effects, (N, 3) each; effects are chosen without each fold
+    errors: tuple
+
+
+@dataclass(frozen=True)
+class StaticResult:
+    """The diagnosis of the static records of a device."""
+
+    content: dict  # content of diagnosis.json, by sensor
+    effects: dict  # FittedEffects that a calibration can have, by sensor
+    # noise estimated after subtracting the effects, doubtful ones too
+    noise: NoiseModel
+    # Allan table after subtracting the effects, by session; empty without effects
+    allan: dict = field(default_factory=dict)
+    # StaticFinding of each sensor that could be tested
+    findings: dict = field(default_factory=dict)
+
+    @property
+    def sensor_effects(self):
+        """The effects that a calibration can have, a list of SensorEffect."""
+        return [SensorEffect(f.effect, s) for s, fitted in self.effects.items() for f in fitted]
+
+    def information(self, effects):
+        """Return the information of static records about the q parameters θ of some effects.
+
+        Parameters
+        ----------
+        effects : sequence of SensorEffect
+            Effects of both sensors, with q parameters together.
+
+        Returns
+        -------
+        ndarray, shape (q, q), and ndarray, shape (q,)
+            Fisher information A and moment b, SI: the logarithm of the likelihood of θ is
+            ``-θᵀ A θ/2 + bᵀ θ``. Parameters have zeros unless these records showed their effect, or
+            it is an effect of the temperature.
+        """
+        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        A, b = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
+        of_temperature = [e for e in effects if "temperature" in e.needs and not e.timed]
+        known = {*self.sensor_effects, *of_temperature}
+        for sensor, finding in self.findings.items():
+            numbers = [k for k, e in enumerate(effects) if e.sensor == sensor and e in known]
+            if numbers:
+                index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
+                variants = tuple(effects[k].effect for k in numbers)
+                base = tuple(e.effect for e in finding.effects)
+                A[np.ix_(index, index)], b[index] = information(finding.choices, base, variants)
+        return A, b
+
+
+def static_tests(records, settings):
+    """Return the number of tests of the static records of both sensors.
+
+    `records` has a list of StaticRecords for each sensor.
+    """
+    used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
+    return sum(len(static_candidates(sensor, r)[0]) for sensor, r in used.items() if r)
+
+
+def usable_records(records, settings):
+    """Return the StaticRecords that have at least two windows for each fold, a list."""
+    return [r for r in records if len(r.windows) >= 2 * settings.blocks]
+
+
+def static_candidates(sensor, records):
+    """Return the variants to try on a sensor in static records, and the effects that are not tried.
+
+    A variant is an effect with values of its constants. Both results are dicts by type of effect:
+    a tuple of variants, and a status with its reason. `records` are the StaticRecords.
+    """
+    columns = []
+    for name in ("t", "output", "other", "temperature"):
+        parts = [getattr(record.channels, name) for record in records]
+        columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
+    variants, reasons = candidates(sensor, "static_record", Channels(*columns))
+    # variants with a price assume that the thermometer lags; they are for shorter records, as hours
+    # at rest show the lag itself
+    return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
+
+
+def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
+    """Search the static records of both sensors of a device for effects.
+
+    A static record has the means over windows of a long rest.
+
+    Parameters
+    ----------
+    data : StaticData
+        Samples at rest.
+    records : dict of str to list of StaticRecord
+        Their means, by sensor.
+    calibration : Calibration
+        The base model. Effects are errors of its output ``K (raw - b)``.
+    noise : NoiseModel
+        Noise of the device. It is estimated again after effects are subtracted.
+    settings : DiagnoseSettings
+    noise_settings : NoiseSettings
+        Settings of the noise stage.
+    tests : int
+        Number of tests that share the significance.
+
+    Returns
+    -------
+    StaticResult
+    """
+    findings, content = {}, {}
+    for sensor, axes in SENSORS.items():
+        used = usable_records(records[sensor], settings)
+        if sensor == "accelerometer" and used:
+            # a disturbance that tilts the device changes the specific force, which is not an effect
+            used = cut_at_tilts(used, 2 * settings.blocks)
+        reason = why_untestable(used, [noise.axes[name] for name in axes], settings)
+        try:
+            if not reason:
+                findings[sensor] = search_records(sensor, used, settings, tests)
+        except LinAlgError as error:
+            reason = why_no_fit(error)
+        content[sensor] = not_testable(reason)
+    effects = {sensor: finding.effects for sensor, finding in findings.items()}
+    doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
+    corrected, allan = noise, {}
+    if any(effects.values()):
+        sessions = data.subtract(effects, calibration)
+        corrected = estimate_noise(noise.device, sessions, noise_settings, views=False).model
+        curves = {s.name: session_curves(s, noise_settings, "corrected") for s in sessions}
+        allan = {name: table for name, table in curves.items() if len(table["tau_s"])}
+        # the samples are freed before those without doubtful effects are computed
+        del sessions
+    for sensor, finding in findings.items():
+        change = {
+            name: {"before": asdict(noise.axes[name]), "after": asdict(corrected.axes[name])}
+            for name in (SENSORS[sensor] if finding.effects else ())
+        }
+        content[sensor] = static_content(sensor, finding, corrected, change)
+    if doubtful != effects:
+        # a warm-up in one record only is not confirmed, but it must not count as random walk
+        sessions = data.subtract(doubtful, calibration)
+        corrected = estimate_noise(noise.device, sessions, noise_settings, views=False).model
+    lasting = {s: tuple(e for e in effects.get(s, ()) if e.effect.lasting) for s in SENSORS}
+    return StaticResult(
+        content=content, effects=lasting, noise=corrected, allan=allan, findings=findings
+    )
+
+
+def why_untestable(records, axes, settings):
+    """Return the reason, text, why the records of a sensor cannot be diagnosed, or None.
+
+    `records` are its StaticRecords, the means over windows of long rests. `axes` has the AxisNoise,
+    the coefficients of the noise, of each axis. `settings.blocks` is the number of folds.
+    """
+    if not records:
+        return (
+            f"no static session, and no rest of {LONG_REST / 60:g} minutes, with the "
+            f"{2 * settings.blocks} means needed: record a static session, better two hours"
+        )
+    if not all(a.N.square or a.Q.square or a.B.square or a.K.square for a in axes):
+        return "the noise of an axis is not known"
+    if not all(np.ptp(r.values, axis=0).all() for r in records):
+        return "an axis never changes"
+    # some of the windows are enough, and all could take long
+    covariances = np.stack([a.mean_covariance(records[0].windows[:ENOUGH]) for a in axes])
+    if without_weight(covariances)[1].any():
+        return "an axis shows lines and no noise beside them: its noise is not known"
+    return None
+
+
+def search_records(sensor, records, settings, tests):
+    """Search the StaticRecords of a sensor for effects; return a StaticFinding.
+
+    A record has the means over windows of a long rest. Cross-validation holds out stretches of time
+    in all records. `settings` are the DiagnoseSettings, and `tests` is the number of tests that
+    share the significance.
+    """
+    variants_by_kind, reasons = static_candidates(sensor, records)
+    # steps have no variants: a scan finds their times
+    variants = {cls: variants for cls, variants in variants_by_kind.items() if variants}
+    problem = StaticProblem(
+        records=tuple(records), variants=variants, settings=settings, tests=tests
+    )
+    choices = Choices(problem)
+    choice = choices.choice()
+    # held-out errors without effects, and with effects that are chosen again without each fold
+    errors = choices.errors_with(()), choices.errors(choices.nested_choice)
+    unconfirmed = [k for k in choice.failed if k.lasting]
+    trial = choices.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
+    effects = fitted_effects(choices, choice.effects)
+    doubtful = fitted_effects(choices, (*choice.effects, trial.effect)) if trial else effects
+    # the memory of the fits is freed
+    problem.evidence.release()
+    # the doubtful effects cannot always be estimated together
+    return StaticFinding(
+        choices=choices,
+        reasons=reasons,
+        effects=effects,
+        doubtful=doubtful or effects,
+        errors=errors,
+    )
+
+
+def static_content(sensor, finding, noise, noise_change):
+    """Return the fields of diagnosis.json about the static records of a sensor.
+
+    Parameters
+    ----------
+    sensor : str
+    finding : StaticFinding
+        Result of the search.
+    noise : NoiseModel
+        Noise after the effects were subtracted; it gives the floor, the size of held-out errors
+        that noise alone gives.
+    noise_change : dict
+        Coefficients of the noise before and after that, by axis; empty without effects.
+    """
+    axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
+    content = search_content(finding.choices, effects, finding.reasons, sensor)
+    for entry, trial in zip(content["effects"], finding.choices.choice().added, strict=True):
+        # errors on one axis show that the effect was tested on this axis only
+        entry["axis"] = axes[trial.axis] if trial.change.before.shape[1] == 1 else None
+    names = {candidate["name"] for candidate in content["candidates"]}
+    content["candidates"] += [
+        untried(name, "not_observable", NOT_SHOWN.get(name, ONE_ATTITUDE))
+        for name, cls in Effect.library.items()
+        if sensor in cls.sensors and name not in names
+    ]
+    # alternatives of the noise: as estimated, and with the largest flicker and random walk
+    sizes = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
+    largest = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
+    # by record, axis and alternative
+    covariances = [
+        [[model.axes[a].mean_covariance(r.windows) for model in (noise, largest)] for a in axes]
+        for r in problem.records
+    ]
+    errors, floor = finding.errors, _floor(problem, covariances)
+    comparisons = []
+    # without and with effects
+    for added, heldout in zip(((), effects), errors, strict=True):
+        groups = _residual_groups(problem, added, heldout, covariances)
+        # number of parameters of the effects, on all axes
+        variants = [fitted.effect for fitted in added]
+        fitted = sum(len(problem.evidence.columns_of(variants, axis)) for axis in range(3))
+        # both alternatives of the noise are equally probable
+        comparisons.append(compare_with_noise(groups, log_prior=(0.0, 0.0), fitted=fitted)[1])
+    content |= residuals_content(problem, ("bias",), comparisons, errors, floor, bool(effects))
+    residual = content["residuals"]["bias"]
+    residual["unit"] = OUTPUT[sensor]
+    # the noise was estimated from these residuals, so it may include a missing effect
+    too_large = residual["after"] > MARGIN * residual["floor"]
+    content["slow_noise"] = bool(too_large and content["verdict"] not in LEFT)
+    residual["sessions"] = _errors_by_session(axes, problem, errors, floor)
+    return content | {"noise": noise_change, "points": _points(problem, effects, errors, floor)}
+
+
+def _floor(problem, covariances):
+    """Return the variance of the held-out errors that the noise as estimated gives, (N, 3).
+
+    A held-out error is a mean minus the level of its record, which is the mean of the training
+    rows. `covariances` has, for each record and each axis, two covariances that the noise of its n
+    means may have, (n, n) each; the noise as estimated is the first.
+    """
+    floors = []
+    groups = zip(problem.records, problem.evidence.row_groups, covariances, strict=True)
+    for record, rows, by_axis in groups:
+        weights = np.diag(record.length)
+        of_errors = [
+            held_out_covariance(estimated, rows.nuisance, rows.row_folds, weights)
+            for estimated, _ in by_axis
+        ]
+        floors.append(np.column_stack([np.diag(covariance) for covariance in of_errors]))
+    return np.concatenate(floors)
+
+
+def _residual_groups(problem, effects, errors, covariances):
+    """Return the residuals after FittedEffects are subtracted, a ResidualGroup per record and axis.
+
+    `errors`, (N, 3), are the held-out errors with these effects. `covariances` has, for each record
+    and each axis, two covariances that the noise of its n means may have, (n, n) each.
+    """
+    split, groups = problem.evidence.split, problem.evidence.row_groups
+    by_record = zip(groups, split(problem.subtract(effects)), split(errors), strict=True)
+    return [
+        ResidualGroup(
+            values=values[:, axis],
+            errors=errors_of_record[:, [axis]],
+            jacobian=rows.nuisance,
+            covariances=alternatives,
+            row_folds=rows.row_folds,
+            kinds=[np.ones(len(values), dtype=bool)],
+        )
+        for (rows, values, errors_of_record), by_axis in zip(by_record, covariances, strict=True)
+        for axis, alternatives in enumerate(by_axis)
+    ]
+
+
+def _errors_by_session(axes, problem, errors, floor):
+    """Return root mean square held-out errors before and after, and the floor, SI.
+
+    The result is a dict by session and axis. `axes` are the names of the axes. `errors` has the
+    held-out errors of the N means without and with effects, and `floor` their variance by the noise
+    alone, (N, 3) each.
+    """
+    squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
+    # session of each of the N means
+    names = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
+    content = {}
+    for session in dict.fromkeys(names):
+        sizes = {key: np.sqrt(x[names == session].mean(axis=0)) for key, x in squares.items()}
+        content[str(session)] = {
+            axis: {key: float(size[k]) for key, size in sizes.items()}
+            for k, axis in enumerate(axes)
+        }
+    return content
+
+
+def _points(problem, effects, errors, floor):
+    """Return a list with one dict per window: times, errors, floor and values, SI, for plots.
+
+    `effects` are the added FittedEffects. `errors` has the held-out errors of the N means without
+    and with effects, and `floor` their variance by the noise alone, (N, 3) each.
+    """
+    split, points = problem.evidence.split, []
+    norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]
+    by_record = zip(*map(split, (problem.values, problem.subtract(effects), *norms)), strict=True)
+    for record, (values, corrected, before, after, noise) in zip(
+        problem.records, by_record, strict=True
+    ):
+        columns = {"start_s": record.windows[:, 0], "before": before, "after": after}
+        columns |= {"values": values - values.mean(axis=0), "floor": noise}
+        columns |= {"corrected": corrected - corrected.mean(axis=0)} if effects else {}
+        for k, row in enumerate(zip(*(x.tolist() for x in columns.values()), strict=True)):
+            point = {"residual": "bias", "index": k, "session": record.session}
+            points.append(point | dict(zip(columns, row, strict=True)))
+    return points
