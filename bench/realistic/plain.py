@@ -41,9 +41,9 @@ def rest_means(t, values, rests):
 
 
 def fit_accelerometer(means, prior=False):
-    """Return the Sensor that makes the norm of the means at rest, (m, 3), that of gravity.
+    """Return the Sensor that gives the means at rest, (m, 3), the norm of gravity.
 
-    With the prior also where it is not determined: its rows stand beside norms known to `KNOWN`.
+    With the prior also where it is not determined: its rows join the norms, known to `KNOWN`.
     """
 
     def sensor(p):
@@ -61,7 +61,7 @@ def fit_accelerometer(means, prior=False):
 def fit_gyroscope(t, rate, moves, up, bias):
     """Return the Sensor that turns `up`, (m, 3), from each rest to the next as was measured."""
     longest = max(move.sum() for move in moves)
-    # moves of one length, a power of two: what is behind the end stands still
+    # moves of one length, a power of two: samples behind the end stand still
     length = 1 << int(longest).bit_length()
     step, first = np.zeros((len(moves), length, 1)), np.zeros((len(moves), length, 3))
     second = first.copy()

@@ -21,15 +21,15 @@ from bench.tables import commit
 def run(cases, first, seeds, controls, workers, keep=None, make=True, progress=print):
     """Return the outcomes of cases of one plan, a list by case; controls are made for all records.
 
-    `seeds` devices of each case and `controls` of each record, from the seed `first` on. Of each
-    device: ``seed``, ``seconds``, ``commit``, ``diagnosis`` (None where the log cannot show the
+    `seeds` devices of each case and `controls` of each record, from the seed `first` on. A device
+    has: ``seed``, ``seconds``, ``commit``, ``diagnosis`` (None where the log cannot show the
     effect) with ``base_pulls``, and but for controls ``control``, ``injected`` and ``found``.
     Each is written into the folder `keep` when it is made, and read if it is there; unless `make`
     those that are not are left out.
     """
     (plan,), plain, outcomes, made_of = {case.plan for case in cases}, {}, {}, commit()
     asked = [case.record for case in cases if case.kind == "control"]
-    # limits size what is put into a device: other controls go without
+    # limits size the effects put into a device: other controls go without
     jobs = [
         (keep, make, made_of, record, plan, first + k, k < seeds)
         for record in sorted({case.record for case in cases})

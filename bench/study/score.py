@@ -5,9 +5,9 @@ import numpy as np
 from bench.study.physics import PRODUCTS
 from imuloop.diagnose.settings import DiagnoseSettings
 
-# what a record at rest calls an effect that the poses know by another name
+# name in a record at rest of an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
-# largest ratio of the held-out error to that of the device without the effect
+# largest ratio of the held-out errors of the device with and without the effect
 RATIO = 1.25
 # largest error of a parameter, in its standard error
 SIGMAS = 3.0
@@ -54,7 +54,7 @@ def is_true(case, effect):
 
 
 def _judge_product(case, outcome, every):
-    """Return what `judge` does of a device with a product."""
+    """Return the fields of `judge` for a device with a product."""
     part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
     found = [e["constants"] for e in part["effects"] if e["name"] == "product"]
     alike = [one["formula"] for one in found if (one["formula"], one["axis"]) in outcome["alike"]]
@@ -70,7 +70,7 @@ def _judge_product(case, outcome, every):
 
 
 def judge(case, outcome):
-    """Return what a diagnosis made of a device.
+    """Return the verdict and the effects of a diagnosis, compared with the truth.
 
     ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put in
     and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added, anywhere.
@@ -103,7 +103,7 @@ def judge(case, outcome):
 
 
 def ratio(case, outcome, whole=False):
-    """Return the held-out error after over that of the control, the largest of the residuals.
+    """Return the held-out error after over the control's, the largest of the residuals.
 
     For steps in a static record only the blocks of time count in which none happened, but for the
     `whole`: no other block tells when.
@@ -133,7 +133,7 @@ def unforetold(points, times):
 
 
 def pulls(outcome):
-    """Return the errors of the parameters of what was found, in their standard errors."""
+    """Return the errors of the parameters of the effects found, in their standard errors."""
     return np.array(
         [
             (value - found["expected"][name]) / found["std"][name]

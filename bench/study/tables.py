@@ -33,7 +33,7 @@ def judged(outcomes, *kinds):
 
 
 def bounds(outcomes):
-    """Return the table of the bounds and what was found."""
+    """Return the table of the bounds and of the figures found."""
     # what physics keeps below its size does not count
     one = [
         (case, made, j)
@@ -89,7 +89,7 @@ def cases(outcomes):
 
 
 def row(case, each):
-    """Return what was found of the devices of a case."""
+    """Return the row of a case; `each` holds case, outcome and judgement of its devices."""
     names = " and ".join(case.names) or "nothing"
     if not each:
         return (names, case.sensor, case.record, "not shown by this log", *"–––––")
@@ -119,5 +119,5 @@ def row(case, each):
 
 
 def counted(names):
-    """Return how often each name is there, the most frequent first, as text."""
+    """Return the count of each name, the most frequent first, as text."""
     return ", ".join(f"{n} {name}" for name, n in Counter(names).most_common()) or "–"

