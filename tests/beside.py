@@ -1,4 +1,4 @@
-"""A simulated device beside a reference: its files, and what the diagnosis makes of them."""
+"""A simulated device with a reference: its files, and their diagnosis."""
 
 import json
 from types import SimpleNamespace
@@ -26,7 +26,7 @@ _NOISE = {c: WHITE["accelerometer" if c[0] == "a" else "gyroscope"] for c in CHA
 NOISE = SimpleNamespace(
     axes={c: SimpleNamespace(N=SimpleNamespace(square=n**2)) for c, n in _NOISE.items()}
 )
-# nothing is known of the device but its data sheet
+# the device has a data sheet and no calibration
 NOMINAL = Calibration(
     "d", 9.80665, *(SensorCalibration.nominal(RawUnit(u, 1.0, 0.0), None) for u in ("SI", "SI"))
 )
@@ -50,7 +50,7 @@ def ingested(folder, name, paths, reference=DECLARED, **more):
 
 
 def diagnosed(folder, truth, seed, sessions=1, change=lambda columns: columns):
-    """Return the diagnosis of a device beside a reference, by sensor, and the table of windows.
+    """Return the diagnosis of a device with a reference, by sensor, and the table of windows.
 
     `change` takes the columns of the reference, and harms them.
     """
@@ -68,6 +68,6 @@ def diagnosed(folder, truth, seed, sessions=1, change=lambda columns: columns):
 
 
 def pulls(found, truth):
-    """Return how far parameters are from the truth, in standard errors."""
+    """Return the errors of parameters, in their standard errors."""
     value, std = (np.array([*found[key].values()]) for key in ("parameters", "std"))
     return (value - truth) / std

@@ -10,5 +10,5 @@ def seeds(few, many):
 
 
 def least(number, share, chance):
-    """Return how many of a number happen at least, but for a chance, if each does by a share."""
+    """Return the least count of `number` events of probability `share`, but for a `chance`."""
     return binom.ppf(chance, number, share)

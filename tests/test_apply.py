@@ -126,7 +126,7 @@ def packed(path):
 
 
 def by_pandas(ending, cut=None):
-    """Return what reads a table with pandas, leaves out rows and writes it again."""
+    """Return a function that reads a table with pandas, leaves out rows and writes it again."""
 
     def written(path):
         read = pd.read_csv if path.suffix == ".csv" else pd.read_parquet
@@ -151,9 +151,9 @@ def by_pandas(ending, cut=None):
     ],
 )
 def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated):
-    """What `apply` wrote is refused, by every way in, whatever it is called and in both formats.
+    """A log that `apply` wrote is refused, by every way in, by any name and in both formats.
 
-    Protects the mark in what is written and each reader's look at it: without them a second run
+    Protects the mark in the written log and each reader's look at it: without them a second run
     corrects the bias again, with exit status 0.
     """
     rng = np.random.default_rng(0)

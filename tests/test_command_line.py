@@ -315,7 +315,7 @@ def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
 
 
 def test_a_log_that_is_rejected_ends_every_command_with_1(device, tmp_path, capsys):
-    """One line with the cause; of a calibration, what the other logs give is written."""
+    """One line with the cause; a calibration by the other logs is written."""
     bad, out = tmp_path / "bad.csv", tmp_path / "out"
     rows = "\n".join(f"{k / 100},0,0,9.8,0,0,0" for k in range(20))
     bad.write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")

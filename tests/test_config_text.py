@@ -1,4 +1,4 @@
-"""What the text of a config may be: files that are none, numbers and names that none can hold."""
+"""Texts that are not a config, and numbers and names that a config cannot hold."""
 
 import pytest
 

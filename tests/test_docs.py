@@ -1,4 +1,4 @@
-"""Documents: what they link to exists, what they show works, no key of the config is left out."""
+"""Documents: their links exist, their examples work, and they have every key of the config."""
 
 import importlib
 import json
@@ -36,7 +36,7 @@ DOCUMENTS = [
     *(REPOSITORY / name for name in ("README.md", "CHANGELOG.md", "data/README.md")),
     *sorted(REPOSITORY.glob("docs/*.md")),
 ]
-# what a path in a document may be relative to
+# folders that a path in a document may be relative to
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
 MADE = ("build/", "results/", "data/simulated", "data/cache", ".venv")
@@ -73,7 +73,7 @@ def test_links_lead_somewhere(document):
     for target in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
         if target.startswith("https://"):
             continue
-        # what the page of the repository has beside the files
+        # pages of the repository other than its files
         workflow = re.fullmatch(r"../../actions/workflows/([\w.]+)(/badge.svg)?", target)
         if workflow:
             target = f".github/workflows/{workflow[1]}"
@@ -81,7 +81,7 @@ def test_links_lead_somewhere(document):
         there = (document.parent / path).resolve() if path else document
         assert there.exists(), target
         assert not anchor or anchor in anchors(there), target
-    # pictures say what they show
+    # pictures have a text about them
     for alt in re.findall(r"!\[([^]]*)\]\((?!\S+/badge.svg)", document.read_text()):
         assert len(alt.split()) > 8, alt
 
@@ -200,7 +200,7 @@ def test_commands_work(results, tmp_path, command):
         targets = re.findall(r"^([\w-]+):", (REPOSITORY / "Makefile").read_text(), re.M)
         assert set(arguments) <= set(targets)
     elif Path(tool).name == "imuloop":
-        # a drift that was found, or a log that ended early, is no error
+        # a drift that was found, or a log that ended early, is not an error
         assert main(arguments) in ((0, 3) if arguments[0] in ("check", "coach") else (0,))
     elif tool.endswith("snakemake") and "CONFIG" in arguments:
         config = tmp_path / "mine.yaml"
@@ -221,7 +221,7 @@ def test_commands_work(results, tmp_path, command):
 def test_set_up_installs_the_command():
     command = Path(sys.executable).with_name("imuloop")
     if not command.exists():
-        pytest.skip("this Python has no imuloop beside it: make setup")
+        pytest.skip("the folder of this Python has no imuloop: make setup")
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == f"imuloop {imuloop.__version__}\n"
 
@@ -284,7 +284,7 @@ def test_the_reference_holds_what_users_and_effects_are_called():
         assert f"\n### {name}\n" in page, name
     for name, effect in Effect.library.items():
         assert f"\n### {name}\n" in page and effect.equation in page
-    # what a function does is seen from its first line
+    # the first line says the purpose of a function
     for module, of in made["modules"]().items():
         for name, thing in made["defined"](of).items():
             assert made["first_line"](thing).endswith("."), f"{module}.{name}"

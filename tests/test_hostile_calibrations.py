@@ -66,7 +66,7 @@ def every(*changes):
 
 
 def matrix(function):
-    """Return what changes the gyroscope's covariance as an array."""
+    """Return a function that changes the gyroscope's covariance as an array."""
     return put("gyroscope.covariance.matrix", lambda rows: function(np.array(rows)).tolist())
 
 
@@ -83,7 +83,7 @@ TEMPERATURE, WARM = f"{A}.effects.1", f"{A}.effects.0"
 NO_PATTERN = {"name": "lever_arm", "parameters": {f"r{i}{j}": 0.0 for i in "xyz" for j in "xyz"}}
 SINGULAR = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
-# what has to be refused
+# changes of a calibration that have to be refused
 WRONG = {
     **{f"no {key}": put(key, MISSING) for key in ("format", "device", "gravity", A, G)},
     **{f"no {key}": put(f"{A}.{key}", MISSING) for key in SENSOR_KEYS},
@@ -121,7 +121,7 @@ ODD = {
     "T oblique": put(f"{G}.T.0.1", 2.0),
 }
 TEXT = b'{"format": 1, "device": "d", "gravity": 9.8, '
-# files that are no JSON of a calibration at all
+# files without any JSON of a calibration
 FILES = {
     "empty": b"",
     "no JSON": b"{",
@@ -133,7 +133,7 @@ FILES = {
 
 
 def outcome(arguments, capfd):
-    """Run a command; return its status, after looking at what it says."""
+    """Run a command; return its status, after looking at its output."""
     status = main([str(a) for a in arguments])
     said = capfd.readouterr()
     text = said.out + said.err

@@ -1,4 +1,4 @@
-"""Logs in memory: arrays and tables of every form, and warnings of what is in them."""
+"""Logs in memory: arrays and tables of every form, and warnings about their values."""
 
 import warnings
 
@@ -32,7 +32,7 @@ def frozen(values):
 
 
 NUMBERED = {"columns": {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}}
-# a log of arrays in another form, and what is declared of it
+# a log of arrays in another form, and its declarations
 FORMS = {
     "lists": lambda t, f, w: ((t.tolist(), f.tolist(), w.tolist()), {}),
     "float32": lambda t, f, w: ((t, f.astype("f4"), w.astype("f4")), {}),

@@ -46,5 +46,5 @@ def test_what_lies_between_changes_nothing(recordings, tmp_path):
     assert gps[1] == pytest.approx(ten_days[1], rel=1e-4)
     for one, other in zip(gps[2], ten_days[2], strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-7)
-    # a value per second between would be 13 GB; what an allocator keeps varies by 60 MB
+    # a value per second between would be 13 GB; the memory that an allocator keeps varies by 60 MB
     assert gps[3] < 1.5 * ten_days[3]

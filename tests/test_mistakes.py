@@ -27,7 +27,7 @@ def log(tmp_path):
     return path
 
 
-# arguments of imuloop.calibrate, PATH the log, and what the error says
+# arguments of imuloop.calibrate, PATH the log, and text of the error
 IN_PYTHON = {
     "no gyroscope": ((T, F), {}, "angular_rate: none is given"),
     "no log": ((), {}, "no log is given"),

@@ -1,4 +1,4 @@
-"""Logs in motion: the noise is that of the rests, and a log without a rest has none."""
+"""Logs in motion: the rests give the noise, and a log without a rest gives no noise."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""The notebook runs, and gives what is stored in it."""
+"""The notebook runs, and gives the output that is stored in it."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Logs of one sensor: what it can show is found, the rest is not testable."""
+"""Logs of one sensor: effects that it can show are found, the others are not testable."""
 
 from itertools import pairwise
 

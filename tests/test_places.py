@@ -25,7 +25,7 @@ def named(**names):
     return lambda log: log.rename(columns=names)
 
 
-# what was done to a sound log, what is declared, and what the message names in each place
+# change of a sound log, declarations, and the name in the message of each place
 MISTAKES = {
     "no stamps": (
         *(named(t="u"), {}),

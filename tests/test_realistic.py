@@ -1,6 +1,6 @@
 """bench/realistic: closed forms of the generator, the plain fit, the judge.
 
-A study is worth what its truth is: each test puts one part of it beside what it must be.
+A study is as good as its truth: each test compares one part of it with the expected value.
 """
 
 import ast
@@ -69,7 +69,7 @@ def test_rates_integrate_to_the_attitude_and_force_to_the_velocity(parts):
         assert np.abs(motion.angular_rate[still]).max() < 1e-3
 
 
-# what the plain fit is to be beaten by must not come from the plain fit
+# the truth must not come from the plain fit
 def test_plain_fit_of_a_log_without_noise_gives_the_truth():
     made = record(FEW, noise=False)
     t, f, w = sensed(made)
@@ -107,7 +107,7 @@ def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, ve
     poses = result.diagnosis["sensors"]["gyroscope"]["poses"]
     assert poses["verdict"] == verdict
     assert ("the device moved in 1" in poses.get("why", "")) == (case == "settle")
-    # nothing is said of the first half minute at rest: it is no static record
+    # nothing is said of the first half minute at rest: it is not a static record
     still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
     assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
 

@@ -160,7 +160,7 @@ def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
 
 
 def test_names_in_html_are_text(result):
-    """Protects who opens the notebook of somebody else."""
+    """Protects users who open the notebook of another user."""
     hostile = "<script>alert(1)</script>"
     device = replace(result.device, label=hostile)
     named = replace(result.calibration, device=hostile)

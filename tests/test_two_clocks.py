@@ -20,7 +20,7 @@ from imuloop.segment.settings import SegmentSettings
 
 # white noise, m/s^2/√Hz and rad/s/√Hz
 FORCE_NOISE, RATE_NOISE = 1e-3, 1.7e-4
-# acceleration and angular rate, Hz: slow and fast, nearly alike, fast and slow
+# acceleration and angular rate, Hz: slow and fast, nearly equal, fast and slow
 RATES = [(62.5, 400), (100, 100.3), (400, 50)]
 
 
@@ -79,7 +79,7 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, tu
     path, quality = read(export(t_force, force, t_rate, rate), "static")
     samples = Samples(path)
     segments, _ = segment_session(samples, "static", SegmentSettings())
-    # a log that rests is one rest, whatever the clocks
+    # a log that rests is one rest, for any clocks
     assert segments["kind"].tolist() == ["static"]
     session = RecordedSession("log", "static", samples, segments)
     found = estimate_noise("imu", [session], NoiseSettings())
@@ -164,11 +164,11 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn
         ("gyroscope", scale_rate, 1e-3),
     ):
         own = getattr(made, sensor)
-        # within four of its own errors, and those are small
+        # within four of its standard errors, which are small
         error = np.array([own.std[f"K{k}"] for k in range(3)])
         assert (error < limit).all()
         assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
         assert verdicts[sensor]["poses"]["verdict"] == "consistent"
-        # a slow accelerometer misses what a move does
+        # a slow accelerometer misses parts of a move
         if force_rate < 0.9 * turn_rate:
             assert "slower than the gyroscope" in verdicts[sensor]["motion"]["why"]
