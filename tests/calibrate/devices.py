@@ -108,7 +108,7 @@ def true_fit(truth, made, moves=True, **how):
 
 
 def noiseless(truth):
-    """Return the same device with next to no noise: none at all leaves no level of rest."""
+    """Return the device with almost no noise: without any noise a rest would have no level."""
     whisper = Noise(N=(1e-7, 1e-7, 1e-7))
     return replace(
         truth,

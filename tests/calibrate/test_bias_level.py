@@ -1,4 +1,4 @@
-"""What the error of a bias is about: its level over the rests; what it wanders by comes on top."""
+"""The error of a bias concerns its mean level over the rests; its later wander comes on top."""
 
 import numpy as np
 

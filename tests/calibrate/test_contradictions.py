@@ -1,6 +1,6 @@
-"""A turn that contradicts all others is left out; a sensor that changed amid a log has no fit.
+"""A turn that contradicts all others is left out; a sensor that changed within a log has no fit.
 
-Nothing is said of what poses and turns do not determine.
+Parameters that poses and turns do not determine are not judged.
 """
 
 from dataclasses import replace

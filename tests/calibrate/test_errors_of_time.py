@@ -1,4 +1,4 @@
-"""Intervals hold, of whole logs, over lost samples and late stamps, beside what is clipped."""
+"""Intervals hold for whole logs, over lost samples and late stamps, and next to clipped samples."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     # the mean score has a standard error of 1/sqrt(SEEDS)
     drift = each.mean(axis=0) * np.sqrt(SEEDS)
     assert np.all(np.abs(drift) < 3.3), drift
-    # of 63 scores, some of one device alike
+    # of 63 scores, some of which correlate within a device
     assert (np.abs(each) < 1.96).mean() >= 0.88
     assert np.mean(chi2) == pytest.approx(1, abs=0.25)
 

@@ -52,7 +52,7 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     rng, step = np.random.default_rng(10), 0.04
     exact = rng.uniform(-1, 1, (4000, 1)) + step * noise * rng.standard_normal((4000, 400))
     logged = np.round(exact / step) * step
-    # of what the means are off, that of independent samples is in the variance within the poses
+    # errors of the means, without the part that the variance within the poses has already
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
     foreseen = rounding_variance(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread

@@ -23,7 +23,7 @@ def turned(w, rate):
 
 
 def foreseen(turns, rate, noise=NOISE, rng=None):
-    """Return what `aliased_turns` does of turns, one after the other in a log."""
+    """Return the result of `aliased_turns` for turns, one after the other in a log."""
     last = np.cumsum([len(w) for w in turns]) - 1
     w = np.concatenate(turns)
     if noise:
@@ -66,7 +66,7 @@ def test_turns_that_lose_more_are_foreseen_to_and_along_what_they_lose():
             lack = (turned(own, 50) * turned(w, hand.RATE).inv()).as_rotvec()
             steps = [turned(own[: i + 2], 50).as_matrix() for i in at[k]]
             of_turn = sum(C @ part @ C.T for C, part in zip(steps, covariance[k], strict=True))
-            # logarithm of the likelihood, over that of turns that are all alike
+            # logarithm of the likelihood, over the one with the same covariance for all turns
             for matrix, sign in ((of_turn, 1), (size.mean() * np.eye(3), -1)):
                 squares = lack @ np.linalg.solve(matrix, lack)
                 gain.append(-sign * (np.linalg.slogdet(matrix)[1] + squares) / 2)

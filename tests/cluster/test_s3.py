@@ -45,7 +45,7 @@ def test_a_log_in_s3_gives_the_results_of_the_local_file(both):
             mine, other = (table.schema.metadata[b"imuloop"] for table in tables)
             assert other.replace(FOLDER, b"") == mine
         else:
-            # to the byte, but for the address, where the record says what was read
+            # to the byte, but for the address, where the record names the source
             assert remote[path].replace(FOLDER, b"") == local[path], path
 
 

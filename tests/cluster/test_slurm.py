@@ -9,7 +9,7 @@ import pytest
 from cluster.conftest import contents, run, write_devices
 from workflow.conftest import copied
 
-# what is added to the script of the segmentation
+# lines added to the script of the segmentation
 HARM = """
 if device.name == "broken":
     raise RuntimeError("on purpose")
@@ -43,7 +43,7 @@ def here(checkout, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def submitted(checkout, slurm, tmp_path_factory):
-    """A folder whose two devices were submitted, what was said, and the submissions."""
+    """A folder whose two devices were submitted, the output, and the submissions."""
     folder = tmp_path_factory.mktemp("there")
     write_devices(folder, ["good", "broken"])
     done = run(checkout, folder, "--profile", checkout / slurm, *QUICK, KEPT, target=TARGET)

@@ -66,14 +66,14 @@ def test_pose_means_are_means_of_samples(name):
     middle = dt * (np.arange(n) + 0.5)
     average = (WINDOWS[:, :1] < middle) & (middle < WINDOWS[:, 1:])
     average = average / average.sum(axis=1, keepdims=True)
-    # flicker and walk have no level of their own: what a fitted bias absorbs is taken out of both
+    # flicker and walk have an arbitrary level: the part that a fitted bias absorbs is removed
     free = np.eye(6) - 1 / 6
     expected = free @ average @ toeplitz(sampled(PROCESSES[name], n, dt)) @ average.T @ free
     std = np.sqrt(np.diag(expected))
     error = np.abs(free @ found[4] @ free - expected) / (std[:, None] * std)
     assert error.max() < 2e-3
     assert not np.delete(found, 4, axis=0).any()
-    # a ramp is no part of it
+    # a ramp is not part of it
     assert not model(AxisNoise(R=known(0.1))).mean_covariance(WINDOWS).any()
 
 

@@ -28,7 +28,7 @@ CONTRACT = {
     "gyroscope": f"""{BOTH} g_sensitivity g2_sensitivity scale_nonlinearity scale_asymmetry
         earth_rate gyro_axis_delay anisoinertia""",
 }
-# those of the library's own folder that a calibration can hold
+# effects of the library's folder that a calibration can hold
 LIBRARY = {
     name: effect
     for name, effect in Effect.library.items()
@@ -87,7 +87,7 @@ MEMORY = ("bias_temperature_rate", "thermal_hysteresis", "reorientation", "warm_
 
 
 def written_out(variant, p, channels):
-    """Return what an effect adds, by equations apart from the library's."""
+    """Return the values of an effect, by equations apart from the library's."""
     if variant.name == "bias_temperature":
         warm = channels.temperature
         if variant.lag:
@@ -145,7 +145,7 @@ EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
 
 @pytest.mark.parametrize("variant", EVERY, ids=str)
 def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(variant):
-    """A part of a log gives what the whole log does, or it is `timed` or of a `rate_of_change`.
+    """A part of a log gives the values of the whole log, or it is `timed` or of a `rate_of_change`.
 
     A single sample gives that too or is refused, and without its time where the time counts.
     """
@@ -274,7 +274,7 @@ def test_vibration_is_counted_and_the_turn_beside_it_is_not():
     y[:, 0] += np.where(t > 21, np.sqrt(2) * 0.5 * np.sin(2 * np.pi * 17.3 * t), 0)
     y += 0.01 * rng.normal(size=y.shape)
     found = find_effect("vibration_rectification")().design(Channels(t, y, y))
-    # all but the tenth of a second beside the turn
+    # all but the tenth of a second next to the turn
     still = (t < 18.9) | (t > 21.1)
     assert found[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
     assert found[still, 2, 2].max() < 2e-4

@@ -30,7 +30,7 @@ NOTHING = "not_testable"
 @pytest.mark.parametrize(
     ("harm", "force", "turn"),
     [
-        # 7 of 38 rests are left out; verdicts are those of the log as it was
+        # 7 of 38 rests are left out; verdicts are as for the whole log
         (clipped(F, 1.05 * GRAVITY), "consistent", "explained"),
         (clipped(W, 1.5), "consistent", NOTHING),
         (halved, NOTHING, NOTHING),
@@ -50,14 +50,14 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
         assert effects == ["g_sensitivity"] * (verdict == "explained")
         if verdict == NOTHING:
             assert poses["why"]
-            # what nothing is known of is passed on as it was
+            # a sensor without a calibration is passed on as it was
             assert calibration[sensor]["T"] == np.eye(3).tolist()
         else:
             assert all(r["chi2_before"] > 0 for r in poses["residuals"].values())
 
 
 def test_a_log_that_is_rejected_is_no_device_without_it(tmp_path):
-    """Protects figures of several logs: of two of three trials they were taken for those of all."""
+    """Protects several logs: figures of two of three trials were taken for figures of all."""
     log = static_log(1, 1000)
     log[F] = 1.0
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""The same linear problem as every kind of record has the same p-value, that of the book."""
+"""A linear problem has the p-value of the book in every kind of record."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -77,7 +77,7 @@ class Linear:
 def linear(size):
     """Return a problem whose residual has about `size` squared times the variance of its noise.
 
-    The columns and what is in the noise beyond its variance change slowly, as its covariance does:
+    The columns and the noise beyond its variance change slowly, as its covariance does:
     white noise added to it makes nothing likelier, so that the covariance is the only hypothesis.
     """
     rng = np.random.default_rng(11)
@@ -166,7 +166,7 @@ def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, held
 
     and p is the upper tail of F with q and ν degrees of freedom. The excess s is estimated; it is
     never less than 1 where the size of the noise is known, so smaller residuals prove nothing.
-    Of an effect in several variants, p is the least times their number.
+    For an effect in several variants, p is the least times their number.
     """
     make, least = KINDS[kind]
     problem = linear(size)

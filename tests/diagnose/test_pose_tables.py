@@ -1,4 +1,4 @@
-"""The tables of poses and moves: their rows, what was measured, and the errors that are left."""
+"""The tables of poses and moves: their rows, measured values, and remaining errors."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""The search for effects on simulated devices: finds what is there, says no where nothing is."""
+"""The search for effects on simulated devices: finds injected effects, and no others."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -65,10 +65,10 @@ def test_an_undeclared_effect_is_found_with_its_size(sensitive, controls, no_lim
         for p, value in zip(G_SENSITIVITY.parameters, MATRIX.ravel(), strict=True)
     ]
     assert np.abs(score).max() < 3.5
-    # the other parameters are those of the device, not bent by the effect
+    # the other parameters agree with the device, not bent by the effect
     std = [calibration.std[f"K{i}"] for i in range(3)]
     assert np.all(np.abs(calibration.K - truth.gyroscope.K) < 4 * np.array(std))
-    # and the residual is that of a device without the effect
+    # and the residual is as small as for a device without the effect
     control = controls[0].contents["gyroscope"]
     for kind in ("pose_rate", "rotation"):
         after = content["residuals"][kind]["after"]
@@ -125,7 +125,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     for effects in ((), SENSITIVE):
         errors = [c.errors(lambda held_out, e=effects: e)[measured, 0] for c in (first, again)]
         moved = np.abs(errors[1] - errors[0]) / np.sqrt(np.diag(noise))[measured]
-        # the others of its part are predicted as before, but for what it says of the noise
+        # the others of its part are predicted as before, but for its influence on the noise
         assert moved[others].max() < 0.05
         assert moved[own & still].min() > 1
 
@@ -181,5 +181,5 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
         base = search.refine(search.effects_of_kinds((*variants,)))
         x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
-    # 18 pulls, those of a device alike; 1.5 where the time constant is taken for known
+    # 18 pulls, correlated within a device; 1.5 where the time constant is taken as certain
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.35

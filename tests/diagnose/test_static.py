@@ -22,7 +22,7 @@ def noise(seed, flicker=2.0, walk=5.0, n=N):
 
 
 def found(values):
-    """Return what is found in values (n, 3), or in those of several sessions by name."""
+    """Return the effects found in values (n, 3), or in values of several sessions by name."""
     values = values if isinstance(values, dict) else {"s": values}
     records = [record(v, session) for session, v in values.items()]
     return search_records("accelerometer", records, DiagnoseSettings(), TESTS)
@@ -33,7 +33,7 @@ def names(finding):
 
 
 def pattern(name, n=N):
-    """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its variant."""
+    """Return an effect's values with a parameter of 1 on each axis, (n, 3), and its variant."""
     rec = record(np.zeros((n, 3)))
     known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
     variant = known.get(name) or find_effect(name).variants(rec.channels)[0]
@@ -100,7 +100,7 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
 
 
 def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
-    """Whatever the values of a part, what the others choose, estimate and predict stays."""
+    """With any values of a part, the effects, estimates and predictions of the others stay."""
     rng = np.random.default_rng(11)
     values = {"a": noise(30) + 3 * pattern("steps")[0]}
     choices, part = found(values).choices, 4
@@ -139,9 +139,9 @@ def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
 
 
 def test_what_records_say_of_parameters_is_what_a_fit_finds():
-    """The estimate is its maximum, whatever is beside it; its errors are those of the fit.
+    """The estimate is its maximum, with any other effects; its errors are the errors of the fit.
 
-    Of a pattern alone, that is: those of several together are larger, or hardly smaller.
+    This holds for a single pattern: errors of several together are larger, or hardly smaller.
     """
     warm, line, step = BiasTemperature(1, 20.0), Ramp(), Steps((70 * LENGTH,), ("s",))
     rec = record(noise(14))
@@ -178,12 +178,12 @@ def test_what_records_say_of_parameters_is_what_a_fit_finds():
     [
         (70, np.zeros(3), [N]),
         (70, [0.0, 0.04, 0.0], [70, 50]),
-        # gravity that is larger afterwards is no tilt: the bias jumped; a large tilt lowers it
+        # larger gravity afterwards is not a tilt: the bias jumped; a large tilt lowers it
         (70, [0.0, 0.0, 0.04], [N]),
         (70, [0.0, 9.8 * np.sin(0.1), 9.8 * (np.cos(0.1) - 1)], [70, 50]),
-        # what is left of a part that is too short for blocks is left out
+        # the remainder of a part that is too short for blocks is left out
         (110, [0.0, 0.04, 0.0], [110]),
-        # a drift that goes on through a disturbance is no move
+        # a drift that goes on through a disturbance is not a move
         (70, "drift", [N]),
     ],
 )

@@ -26,7 +26,7 @@ def test_devices_are_judged_by_what_was_put_in():
     assert found["right"] == ["quadratic"] and found["more"] == []
     assert ratio(PART[1], quadratic) <= 1.25
     assert np.abs(pulls(quadratic)).max() < 3.5
-    # nothing of it in what the diagnosis was given: the control's parameters are zero
+    # the diagnosis got nothing of it: the control's parameters are zero
     assert not judge(PART[1], {**quadratic, "diagnosis": quadratic["control"]})["right"]
     text = document(part, 0)
     assert "| quadratic | accelerometer | poses | 1/1 | – | – | " in text
@@ -109,6 +109,6 @@ def test_an_effect_has_nine_times_the_noncentrality_of_its_limit():
     z = np.array([[one.values[k] / limits[k] for k in names] for one in made])
     np.testing.assert_allclose(np.einsum("si,ij,sj->s", z, alike, z), 9)
     assert np.array_equal(z[0], z[1]) and not np.allclose(z[0], z[2])
-    # what has no limit is not put in
+    # an effect without a limit is not put in
     control["diagnosis"] = diagnosed(candidates=[candidate("bias_drift")])
     assert injected(DRIFT, 1, control) is None

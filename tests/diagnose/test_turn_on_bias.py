@@ -1,4 +1,4 @@
-"""Power cycles: the bias jumps between power cycles, is named with its size, and is no drift."""
+"""Power cycles: the bias jumps between power cycles, is named with its size, not as drift."""
 
 from dataclasses import replace
 

@@ -22,7 +22,7 @@ def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
         lost = turns["residuals"]["rotation"]["undersampled"]
         assert lost["rate_hz"] < 50.1 and lost["enough_hz"] > 150
         assert lost["error"] < turns["residuals"]["rotation"]["floor"]
-        # by the whole spectrum what is left is about as large as the floor
+        # by the whole spectrum the remainder is about as large as the floor
         rotation = turns["residuals"]["rotation"]
         assert 0.5 < rotation["after"] / rotation["floor"] < 2
     allowed = seeds - least(seeds, 0.95, 0.05)

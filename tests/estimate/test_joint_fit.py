@@ -1,4 +1,4 @@
-"""Both sensors in one fit: recovery, what is known beforehand, what is held, and a plain fit."""
+"""Both sensors in one fit: recovery, priors, fixed parameters, and a plain fit."""
 
 from dataclasses import replace
 
@@ -36,14 +36,14 @@ def test_without_noise_the_truth_comes_back():
         calibrated(recording(quiet, 0), known_noise(quiet), TRUTH.gravity),
         strict=True,
     ):
-        # what is left is the integration between samples
+        # the remaining error comes from the integration between samples
         for name in "TKb":
             true = getattr(getattr(quiet, sensor), name)
             np.testing.assert_allclose(getattr(made, name), true, atol=1e-5)
 
 
 def without_flicker(truth):
-    """Return the same device without flicker: with a seed all other noise is the same."""
+    """Return the device without flicker: with the same seed all other noise is the same."""
     quiet = {
         name: replace(sensor, noise=replace(sensor.noise, B=(0.0, 0.0, 0.0)))
         for name, sensor in (("accelerometer", truth.accelerometer), ("gyroscope", truth.gyroscope))
@@ -86,7 +86,7 @@ def test_a_bias_that_is_held_stays_at_the_first_rest():
     made = recording(TRUTH, 2)
     force, turn = calibrated(made, NOISE, TRUTH.gravity, gyroscope_bias="initial_rest")
     np.testing.assert_array_equal(turn.b, made.poses.w[0])
-    # its error is that of the mean of that rest
+    # its error is the error of the mean of that rest
     expected = np.sqrt(made.poses.mean_covariance(NOISE)[3:, 0, 0])
     np.testing.assert_allclose([turn.std[f"b{k}"] for k in range(3)], expected)
     assert not turn.covariance[:9, 9:].any()
@@ -115,7 +115,7 @@ def plain(made, gravity):
 def errors_in_use(x, truth):
     """Return the root mean square error over all directions of gravity, and of turns at 90 deg/s.
 
-    The accelerometer's frame is its own x axis and xy plane: a turn of the whole is no error.
+    The accelerometer's frame is its own x axis and xy plane: turning all is not an error.
     """
     u, found, state = fibonacci_lattice(200), [], State(x)
     for name, size in (("accelerometer", truth.gravity), ("gyroscope", np.pi / 2)):

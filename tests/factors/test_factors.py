@@ -1,4 +1,4 @@
-"""Residuals of both sensors: their derivative by what is estimated, and by effects of either."""
+"""Residuals of both sensors: their derivative by the parameters, and by effects of either."""
 
 import numpy as np
 import pytest

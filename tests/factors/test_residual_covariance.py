@@ -14,7 +14,7 @@ from imuloop.simulate.truth import example_truth
 SEEDS, DRAWS, RATE = 5, 3000, 25.0
 PLAN = {"poses": 3, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
 TRUTH = planned(example_truth(rate=RATE), **PLAN)
-# size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn: over a
+# size of slow noise where white noise has size one, s^-1/2 and s^-1, and how it is drawn: over a
 # move of a second it is nearly as large
 SLOW = {"B": (1.0, flicker), "K": (0.6, walk)}
 
@@ -70,7 +70,7 @@ def test_it_is_that_of_drawn_records(device, term, axis):
     off, size = found - covariance.by(NoiseModel("d", noise)), np.sqrt(np.diag(found))
     # of velocities, rotations, and whichever of gravity and rates the channel is of
     assert np.count_nonzero(size > 1e-6) == 5 * len(made.rotations) + len(made.poses)
-    # an angle that next to none of it enters has what the turn within a sample lets in
+    # an angle with almost no direct share has the share that the turn within a sample lets in
     kinds = joint.rows(made)[1]
     largest = {kind: size[kinds == kind].max() for kind in joint.kinds}
     counts = size > 0.1 * np.array([largest[kind] for kind in kinds.tolist()]) + 1e-6
@@ -120,8 +120,8 @@ def test_a_walk_of_the_rate_is_common_to_rotations_and_the_poses_beside_them():
         n, first = len(made.poses), made.rotations.first
         apart = covariance.copy()
         apart[: 4 * n, 4 * n :] = apart[4 * n :, : 4 * n] = 0
-        # an error of the rate turns gravity as one of the bias does: less what the mean of the
-        # poses at both ends makes of it
+        # an error of the rate turns gravity as one of the bias does, minus its effect on the means
+        # of the poses at both ends
         less = np.eye(len(r))[4 * n :]
         turned = (-jacobian[4 * n :, 18:21] / truth.gyroscope.K).reshape(-1, 2, 3)
         for k, pose in enumerate(first):

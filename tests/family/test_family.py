@@ -1,4 +1,4 @@
-"""results/family.json: what it holds of a type."""
+"""results/family.json: its content for a type."""
 
 from dataclasses import replace
 

@@ -30,7 +30,7 @@ EXAMPLE = example_truth(rate=25.0)
 NOISE = known_noise(EXAMPLE)
 NAMES = [f"{s}.{name}" for s, name, _ in parameters()]
 BIAS = np.array([name.partition(".")[2][0] == "b" for name in NAMES])
-# what the devices of a type share, drawn within a data sheet's tolerances, and how they spread
+# mean of the devices of a type, drawn within a data sheet's tolerances, and their spread
 SHEET = {"T": 0.02, "K": 0.03, "accelerometer.b": 0.5, "gyroscope.b": 0.2}
 SIZE = np.array([SHEET.get(name[:-1]) or SHEET[name.partition(".")[2][0]] for name in NAMES])
 LOT = SIZE * np.random.default_rng(1).normal(size=len(NAMES))
@@ -82,7 +82,7 @@ def family(path, count, seed=2):
 
 
 def session(folder, kind="multi_position", sha256="0" * 64, **declared):
-    """Return a session whose samples are one row, of a log with a hash and what is declared."""
+    """Return a session whose samples are one row, of a log with a hash and declarations."""
     origin = {"sha256": {"log": sha256}, "declared": declared}
     table = pa.table({"t": [0.0]}, metadata={b"imuloop": json.dumps(origin).encode()})
     pq.write_table(table, folder / "samples.parquet")
@@ -159,7 +159,7 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
 
 
 def in_counts(calibration):
-    """Return the same Calibration of raw counts."""
+    """Return the Calibration in raw counts."""
     sensors = {}
     for name, scale in (("accelerometer", 2e-3), ("gyroscope", 1e-4)):
         own, unit = getattr(calibration, name), RawUnit("count", scale, 32768.0)
@@ -202,7 +202,7 @@ def damaged(content, *keys, value):
 
 FIXED = {"names": ["K0", "K1"], "matrix": [[1e-8, 0], [0, 0]]}
 PARAMETER = ("types", "chip", "parameters", "gyroscope.K1")
-# a file, made of earlier.json and family.json, what is declared of the device, and what is said
+# a file, made of earlier.json and family.json, declarations of the device, and the message
 WRONG = {
     "no file": (lambda c, f: None, {}, "cannot be read: No such file or directory"),
     "no JSON": (lambda c, f: "t,ax,ay", {}, "no JSON: "),

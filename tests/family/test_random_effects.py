@@ -93,7 +93,7 @@ def test_the_spread_lies_within_its_interval(seeds):
         for k in range(len(EVERY)):
             low, high = spread_interval(family.y[:, k], family.std[:, k] ** 2)
             inside.append(low <= family.spread[k] <= high)
-    # the bound is 90 to 98 %: what is true is 95 %
+    # the bound is 90 to 98 %: the truth is 95 %
     count = len(inside)
     assert least(count, 0.95, 0.005) <= sum(inside) <= least(count, 0.95, 0.995)
     assert 0.90 <= np.mean(inside) <= 0.98

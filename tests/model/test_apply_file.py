@@ -1,4 +1,4 @@
-"""A calibration applied to a file gives what it gives of the samples in it."""
+"""A calibration applied to a file gives the same as applied to the samples in it."""
 
 import json
 from dataclasses import replace
@@ -76,7 +76,7 @@ def with_late_thermometer():
 
 
 def with_delays(seconds):
-    """Samples of another time; no range holds them: a knock beyond what was seen is as late."""
+    """Samples of another time; no range holds them: a knock beyond the range seen is as late."""
     made = calibration([])
     for sensor, name, values in (
         ("accelerometer", "time_offset", {"dt": seconds}),

@@ -1,4 +1,4 @@
-"""The advice names what limits a calibration, and what it promises is what a fit then has."""
+"""The advice names the parameters that limit a calibration, and a fit keeps its promise."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def fitted(up, turns, seed=1, **how):
 def test_following_the_advice_lowers_the_standard_error_as_promised(up, sensor):
     turns = turns_between(up)
     calibration, recording = fitted(up[0], turns)
-    # of one sensor alone: what the other has is good enough
+    # of one sensor alone: the other is good enough
     other = np.repeat([sensor != name for name in UNITS], 3)
     advice = next_pose_or_turn(calibration, NOISE, recording, np.where(other, np.inf, ENOUGH))
     assert advice.sensor == sensor and advice.std_after < 0.95 * advice.std

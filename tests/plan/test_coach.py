@@ -41,7 +41,7 @@ def test_it_leads_from_the_first_rest_to_done(samples):
 
 
 def asked(advice, now):
-    """Return the turn that words ask for, how long it takes, s, and what is up after it."""
+    """Return the turn that words ask for, its duration, s, and the side that is up after it."""
     if "360°" in advice:
         axis = np.eye(3)["xyz".index(advice.split("about ")[1][0])]
         level = np.roll(axis, 1)

@@ -1,4 +1,4 @@
-"""Naming, turning round or rescaling the axes changes what it has to, and nothing else."""
+"""Naming, turning round or rescaling the axes changes the results as it has to, no more."""
 
 from dataclasses import replace
 

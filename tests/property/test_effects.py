@@ -14,7 +14,7 @@ from imuloop.simulate.truth import example_truth
 
 
 def of_two_power_cycles(recording):
-    """Return a recording whose second half counts as a power cycle of its own."""
+    """Return a recording whose second half counts as another power cycle."""
     n = len(recording.poses)
     return replace(recording, poses=replace(recording.poses, power_cycle=2 * np.arange(n) // n))
 
@@ -34,7 +34,7 @@ def made():
 @pytest.mark.parametrize("effect", Effect.library.values(), ids=Effect.library.keys())
 def test_any_effect_of_the_library_lowers_chi_square(made, effect):
     if "poses" not in effect.records:
-        # what is not looked for in poses says so, and that is all it does
+        # an effect that is not searched for in poses says so, and is not tested further
         # and of axes that sit apart `lever_arm` says it
         assert effect.unobservable or effect.records in ((), ("static_record",), ("reference",))
         return
@@ -49,7 +49,7 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
             variants = effect.variants(channels) or (effect(times=(float(t.mean()),)),)
             wide = of_sensor(sensor, variants[-1])
             count = len(wide[0].parameters)
-            # by the same noise: weights follow what is fitted
+            # by the same noise: weights depend on the fit
             plain, wider = (
                 fit(pair.measure(start, one, effects).at, start, covariance)
                 for effects, start in (((), x), (wide, np.append(x, np.zeros(count))))

@@ -1,4 +1,4 @@
-"""The eight chips of an array, in two recordings; what is a chip's own shows in both."""
+"""The eight chips of an array, in two recordings; errors of a single chip show in both."""
 
 import os
 from pathlib import Path

@@ -37,7 +37,7 @@ class Measured:
         if not folder.exists():
             if reason := missing(device):
                 assert "cannot be fetched" in reason
-                pytest.skip(f"{reason}; data/README.md says what it is")
+                pytest.skip(f"{reason}; data/README.md describes it")
             made = ingested(device, folder)
             if device == WHOLE:
                 with patch(LIMITS, return_value={}):

@@ -48,7 +48,7 @@ def test_biases_of_a_later_recording_take_most_of_its_error_away(
 @pytest.mark.study
 @pytest.mark.parametrize("chips", [(1, 1, 1), (3, 5, 7)], ids=str)
 def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, chips):
-    """Axes x, y, z of three chips that lie alike; the arms of the drawing, from motion alone."""
+    """Axes x, y, z of three parallel chips; the arms of the drawing, from motion alone."""
     kinds = dict.fromkeys(RECORDINGS, "multi_position")
     device = chain.Device("virtual", tmp_path, kinds, gravity=GRAVITY, nominal=NOMINAL)
     columns = {"time": "t_us", "angular_rate": [f"g{axis}{chips[2]}" for axis in "xyz"]}

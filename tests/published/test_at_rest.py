@@ -62,7 +62,7 @@ def test_heldout_error_falls(found, minutes):
         assert az["after"] <= min(0.015, az["before"] / 8)
         gy = heldout(found, "gyroscope", session, "gy")
         assert gy["after"] <= gy["before"] / 4
-        # and that of the axis along gravity
+        # and the error of the axis along gravity
         vertical = mean[["ax", "ay", "az"]].mean().abs().idxmax()
         assert vertical[1] == session[-1]
         error = heldout(found, "accelerometer", session, vertical)

@@ -1,4 +1,4 @@
-"""BROAD, published as synchronised: an offset in time that nobody declared, in one trial alone."""
+"""BROAD, published as synchronised: an undeclared offset in time, in one trial alone."""
 
 import numpy as np
 import pandas as pd
@@ -47,7 +47,7 @@ def device(recordings, tmp_path_factory):
 
 
 def found(device, sensor):
-    """Return the diagnosis of a sensor beside the reference, and its effects by name."""
+    """Return the diagnosis of a sensor with the reference, and its effects by name."""
     block = read_json(device.file("diagnosis.json"))["sensors"][sensor]["reference"]
     return block, {effect["name"]: effect for effect in block["effects"]}
 

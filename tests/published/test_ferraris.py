@@ -1,4 +1,4 @@
-"""Ferraris session: faces and turns, beside what the published list and imucal's result say.
+"""Ferraris session: faces and turns, compared with the published list and imucal's result.
 
 That each listed face is a pose, and no turn is, tests/segment/test_recordings.py has.
 """
@@ -19,7 +19,7 @@ from imuloop.model.calibration import Calibration
 # scale factors by imucal 2.6.0, FerrarisCalibration of its example session: logged over true
 IMUCAL = np.array([1.027924, 0.982428, 0.99831])
 RATE = 102.4
-# what a turn of 360 degrees that was held out is asked to be predicted to
+# largest error of the prediction of a held-out turn of 360 degrees
 ASKED = 0.5
 
 
@@ -93,7 +93,7 @@ def test_turn_held_out_is_off_by_what_imucal_foresees(turned, axis):
     rest = tuple({*range(3)} - {axis})
 
     def error(calibration):
-        """Return what a calibration leaves of the turn about its own axis, degrees, backwards."""
+        """Return the error of a calibration about the turn's own axis, degrees, backwards."""
         return -np.degrees(turns.errors(calibration)[axis, axis])
 
     # one turn about each axis: without one nothing says its scale factor but the data sheet
@@ -107,6 +107,6 @@ def test_turn_held_out_is_off_by_what_imucal_foresees(turned, axis):
     assert both.method == "multi_position"
     foreseen = 360 * (IMUCAL[axis] * both.K[axis] / np.radians(1) - 1)
     assert error(both) == pytest.approx(foreseen, abs=0.15)
-    # about y alone to what is asked
+    # about y alone within the bound
     assert (abs(error(both)) < ASKED) == (axis == 1)
     assert abs(error(both)) == pytest.approx([0.72, 0.26, 0.81][axis], abs=0.01)

@@ -1,6 +1,6 @@
 """Xsens MTi: against the result that imu_tk published for its own data.
 
-Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's example run.
+Tedaldi, Pretto, Menegatti, ICRA 2014; the figures come from the program's example run.
 """
 
 import numpy as np

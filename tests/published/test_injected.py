@@ -1,4 +1,4 @@
-"""What is put into a measured log at two detection limits is found, beside what is there."""
+"""An effect put into a measured log at two detection limits is found, with the effects there."""
 
 import numpy as np
 import pyarrow as pa

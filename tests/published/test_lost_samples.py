@@ -1,4 +1,4 @@
-"""Xsens MTi with samples taken out: the gyroscope is that of the whole recording."""
+"""Xsens MTi with samples removed: the gyroscope comes out as with the whole recording."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The motion between the rests of measured recordings: what it shows, and where knocks rule."""
+"""The motion between the rests of measured recordings: its effects, and where knocks rule."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from published.conftest import BOARDS
 
 GRAVITY = 9.81744
 FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
-# of its own prototype, with σ: m, s, m/s² per rad/s
+# by an independent prototype, with σ: m, s, m/s² per rad/s
 PROTOTYPE = {
     "lever_arm": {
         "rxx": (-5.1e-3, 0.6e-3), "rxy": (1.4e-3, 1.0e-3), "rxz": (-5.3e-3, 0.7e-3),
@@ -55,7 +55,7 @@ def test_their_sizes_are_those_of_a_prototype(xsens):
 
 @pytest.fixture(scope="module")
 def moves(measured):
-    """The Xsens poses and moves, the pair that is fitted, and what the poses alone show."""
+    """The Xsens poses and moves, the fitted pair, and the effects that the poses alone show."""
     recording, noise, base = measured.fit_of("xsens_mti")
     units = {s: getattr(base, s).raw_unit for s in SENSORS}
     pair, reasons = start_fit(recording, noise, base.gravity, units)

@@ -51,7 +51,7 @@ def holds(coefficient, truth):
     return low <= truth <= high
 
 
-# true values beside intervals of 95 % (a zero is missed only by a false find): of 9 at most 1 miss
+# true values outside intervals of 95 % (a zero is missed only by a false find): of 9 at most 1 miss
 # has a probability of 93 %, of 25 at most 3 one of 96.6 %; 44 and 23 % if intervals were of 80 %
 @pytest.mark.parametrize(
     ("axes", "most"), [(QUICK, 1), pytest.param([*PUBLISHED], 3, marks=pytest.mark.study)]

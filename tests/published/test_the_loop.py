@@ -1,4 +1,4 @@
-"""The loop on measured recordings: what is missing in each device's model, on held-out data."""
+"""The loop on measured recordings: effects missing in each device's model, on held-out data."""
 
 import numpy as np
 import pytest
@@ -89,7 +89,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     variants = {effect.kind: (effect,) for effect in (drift, sensitivity)}
     problem = problem_of(pair, recording, variants)
     problem.linearization((drift,))
-    # what no effect explains counts as noise
+    # a residual without an effect counts as noise
     search = Choices(problem).search()
     assert search.test((drift,), sensitivity).p_value > 0.01
     values, std, _ = search.estimate((drift,), sensitivity)
@@ -114,7 +114,7 @@ def test_the_error_of_the_vertical_over_a_rotation_falls_three_fold(measured):
     assert all(effects["gyroscope"][:1] == ["g_sensitivity"] for effects in found["effects"])
     assert rotation["base_over_final"] >= 3
     assert rotation["ratio_ci95"][0] > 2.5
-    # what is left is little more than the noise
+    # the remainder is little more than the noise
     assert rotation["models"]["final"]["rms_deg"] < 1.5 * rotation["floor_deg"]
     # a filter that estimates a bias itself does not make up for the effect
     filtered = found["methods"]["filter"]

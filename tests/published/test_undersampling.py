@@ -19,10 +19,10 @@ def turned(rates, seconds):
 
 
 def halved(recording):
-    """Return what is foreseen of one axis and what is found, mean square of each turn, rad².
+    """Return foreseen and measured errors of one axis, mean square of each turn, rad².
 
-    Every second sample, from the first and from the second on, is a log of half the rate; what its
-    turns lack, the whole log shows, less the noise of the samples left out.
+    Every second sample, from the first and from the second on, is a log of half the rate; the whole
+    log shows the error of its turns, minus the noise of the samples left out.
     """
     rotations, poses = recording.rotations, recording.poses
     rest = poses.w[rotations.first], poses.variance[rotations.first, 3:]

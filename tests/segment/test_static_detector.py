@@ -54,7 +54,7 @@ def test_a_slow_turn_about_the_vertical_is_no_rest():
 
 @pytest.mark.parametrize("at", [0.3, 0.7])
 def test_a_bias_that_jumps_ends_no_rests(at):
-    """1 deg/s more from some time on, early or late: a device that turns so long turns over."""
+    """1 deg/s more from some time on, early or late: a device that turned at it would turn over."""
     samples, truth = pose_log(random_turns(14, 1), [20.0] + [5.0] * 14)
     rests, _ = segmented(samples)
     later = samples[TIME] > at * samples[TIME].iloc[-1]

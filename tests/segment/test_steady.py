@@ -76,7 +76,7 @@ def test_rests_in_the_hand_are_told_from_true_rests(motion):
     rests = rests_of(segments)
     held = np.isin(np.arange(21), SPOILT)
     assert np.array_equal(rests["tilt_rad"] > 0, held)
-    # what a rest turns is above the error that it makes in the rate
+    # the turn within a rest is above the error that it makes in the rate
     names = [f"{channel}_mean" for channel in ANGULAR_RATE]
     error = (rests[names].to_numpy() - rests_of(plain)[names].to_numpy())[SPOILT]
     allowed = np.sqrt(12) * rests["tilt_rad"] / (rests["end_s"] - rests["start_s"])

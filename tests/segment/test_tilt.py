@@ -75,7 +75,7 @@ def resting(seed, settles=0.0, tau=2.0, rests=25, rate=100.0, noise=(2e-3, 1e-4)
     """Force and rate, (3, n), of rests of 5 s, the ranges, the true tilts, and the bias.
 
     Each rest begins with a tilt, rad, about its own level axis, that decays. Both biases drift
-    by so much in each rest, SI, which no other sensor sees.
+    by `drift` in each rest, SI, which no other sensor sees.
     """
     rng, n = np.random.default_rng(seed), round(5 * rate)
     t, bias, parts, sizes = np.arange(n) / rate, rng.normal(size=3) * 0.01, [], []
@@ -108,10 +108,10 @@ def test_what_one_sensor_shows_alone_is_no_tilt():
 
 @pytest.mark.parametrize("tau", [1.0, 3.0])
 def test_a_rest_that_settles_is_told_from_one_that_lies_still(tau):
-    """Protects: what a soft surface does is taken for no noise of the sensors."""
+    """Protects: the settling of a soft surface is not taken for noise of the sensors."""
     f, w, ranges, sizes, bias = resting(1, 0.1 * DEGREE, tau)
     kept, left = without_tilts(f, w, ranges, bias, 0.01)
     assert np.array_equal(kept, ranges) and (left > 0).mean() > 0.7
-    # the tilt of each half about its own mean is less than that of the whole
+    # the tilt of each half about its own mean is less than the tilt of the whole
     whole = np.sqrt((sizes**2).mean(axis=1))
     assert 0.4 < np.median(left[left > 0] / whole[left > 0]) < 1

@@ -1,4 +1,4 @@
-"""Validation by attitude: what carries gravity's direction, and on stretches that nobody saw."""
+"""Validation by attitude: gravity's direction by integration, on stretches that no fit saw."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -85,7 +85,7 @@ def test_the_filter_has_gravity_where_a_quarter_turn_brings_it():
 
 
 def test_the_filter_shows_what_a_calibration_leaves():
-    """Near the noise with a perfect calibration; what is left of a bias shows, unless it learns it.
+    """Near the noise with a perfect calibration; a remaining bias shows, unless it is learnt.
 
     It runs as users run it: a small bias of the gyroscope is estimated at rest, a large one or one
     of the accelerometer is not.
@@ -162,12 +162,12 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
         models.append(held_out_models(found, problem.with_folds(parts))[1])
     (effect,) = (e for e in found.poses.choices.choice().effects if e.name == "g_sensitivity")
     one, other = (each["final"] for each in models)
-    # what a model lacks counts as noise by all rows, so the base model's weights are of them too
+    # effects that a model lacks count as noise by all rows, so the base model's weights do too
     alone = pair.calibrations(pair.fit(made.select(~held), (effect,)))
     for sensor, names in NAMES.items():
         a, b = (getattr(each, sensor) for each in (one, other))
         assert [e.name for e in a.effects] == [e.name for e in b.effects]
-        # what they say of the noise, and where the fit is linear about
+        # their influence on the noise, and on the point of linearisation
         moved = difference(a, b, names) / [alone[sensor].std[p] for p in names]
         assert np.abs(moved).max() < 0.1
 

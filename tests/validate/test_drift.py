@@ -1,4 +1,4 @@
-"""The check of an old calibration: false alarms, power, and what a log cannot test."""
+"""The check of an old calibration: false alarms, power, and parameters that a log cannot test."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def still(truth):
 
 
 def drawn(still, truth, seed, force=None, turn=None):
-    """Return the recording with noise of its own; its raw values changed by force and turn."""
+    """Return the recording with other noise; its raw values changed by force and turn."""
     rng, poses, rotations = np.random.default_rng(seed), still.poses, still.rotations
 
     def noisy(values, sensor, std, change):
@@ -193,7 +193,7 @@ def test_what_was_never_calibrated_is_not_tested(still, truth, noise, calibratio
     )
     force, turn = drift.sensors.values()
     assert force.drifted is None and "estimated nothing" in force.why
-    # without an accelerometer there is no direction of gravity: rests alone
+    # without an accelerometer the direction of gravity is unknown: rests alone
     assert {c.name for c in turn.changes} == {"b0", "b1", "b2"} and not drift.drifted
     # nor is there one where the accelerometer of the new log is dead
     log = drawn(still, truth, 13)
@@ -226,7 +226,7 @@ def switched_on(still, truth, seed):
 def updated(request, still, truth, noise, calibrations):
     """Each calibration with the biases of a log after they have moved.
 
-    In few rests to one side, a hundred times as long, the errors of T and K are those of the bias.
+    In few rests to one side, a hundred times as long, the errors of T and K are errors of the bias.
     """
     keep = np.ones(len(still.poses), dtype=bool)
     if request.param == "few to one side":
@@ -267,7 +267,7 @@ def test_new_biases_are_as_near_the_truth_as_their_covariance_says(
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, truth, noise, side):
-    """Protects what the update is for: what is left is what the covariance says, not the jump.
+    """Protects the purpose of the update: the remaining error agrees with the covariance.
 
     The covariance with T and K makes it less on the side of the few rests than on the other.
     """
@@ -314,7 +314,7 @@ def test_nothing_but_the_biases_changes(still, truth, noise, calibrations):
     np.testing.assert_allclose(COUNTS.to_si(counts.b), si.b, rtol=1e-9, atol=1e-9)
     std = [counts.std[f"b{k}"] * COUNTS.scale for k in range(3)]
     np.testing.assert_allclose(std, [si.std[f"b{k}"] for k in range(3)], rtol=1e-6)
-    # the effect stays in the effect: the bias is what it leaves of the rate
+    # the effect stays in the effect: the bias is the rest of the rate
     without = update_biases(calibrations[0], log, noise, "new.csv")[0].gyroscope
     assert np.abs(found[0].gyroscope.b - without.b).max() > 1e-7
 

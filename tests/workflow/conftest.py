@@ -76,7 +76,7 @@ def logs(truth):
 
 @pytest.fixture(scope="session")
 def finished(checkout, logs, truth, tmp_path_factory):
-    """A folder in which the workflow ran once, and what it printed."""
+    """A folder in which the workflow ran once, and its output."""
     folder = tmp_path_factory.mktemp("work")
     for name in ("logs in", "faces"):
         (folder / name).mkdir()

@@ -1,4 +1,4 @@
-"""What is done again after a change, and what is not: dry runs in a folder where all was done."""
+"""Jobs that run again after a change, and no others: dry runs in a folder where all was done."""
 
 import os
 import re
@@ -67,14 +67,14 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     left = shutil.ignore_patterns("logs", "benchmarks", ".snakemake")
     folder = shutil.copytree(finished[0], tmp_path / "work", ignore=left)
     shutil.copytree(finished[0] / ".snakemake/metadata", folder / ".snakemake/metadata")
-    # first the last result, then what it was made from
+    # first the last result, then its inputs
     for path in sorted((*checkout.rglob("*"), *folder.rglob("*")), reverse=True):
         path.touch()
     module = checkout / "workflow/lib/imuloop/diagnose/content.py"
     source = module.read_text().replace('"""', '"""Again: ', 1)
     with edited(module, f"# another comment\n{source}"):
         assert planned(checkout, folder) == set()
-        # a label is for what is read; only what is made of several names the devices
+        # a label concerns the pages; only results of several devices name them
         device = written["devices"]["resting"] | {"label": "Other"}
         turned = {"resting": dict(reversed(device.items()))}
         expected = jobs("resting", "report_device") | REPORT
@@ -138,13 +138,13 @@ def test_an_edited_template_reruns_its_jobs(finished, checkout):
     assert found == {f"report_device/{device}" for device in CONFIG["devices"]} | REPORT
 
 
-# what is said of a result that was cut
+# message about a result that was cut
 CUT = "results/posed/poses/quality.json: no JSON"
 
 
 @pytest.fixture(scope="module")
 def killed(finished, checkout, tmp_path_factory):
-    """A folder whose run was killed amid a job, and what it had printed of a result cut before."""
+    """A folder whose run was killed during a job, and its message about a result cut before."""
     folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("killed") / "work")
     path = folder / "results/posed/poses/quality.json"
     path.write_bytes(path.read_bytes()[:-100])
@@ -173,7 +173,7 @@ def test_a_result_that_was_cut_is_named(killed):
 
 
 def test_a_job_that_was_killed_runs_again(killed, checkout):
-    """Its results are there, and nobody knows whether they are whole."""
+    """Its results are there, but may not be whole."""
     folder, _ = killed
     assert (folder / "results/resting/exports/README.txt").exists()
     assert "report_device/resting" in planned(checkout, folder)

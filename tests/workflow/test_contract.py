@@ -24,7 +24,7 @@ RESIDUALS = {
     ("gyroscope", "motion"): {"velocity_vertical": "m/s", "velocity_horizontal": "m/s"},
 }
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
-# residuals of the rows of a table with their components, and what was measured
+# residuals of the rows of a table with their components, and measured values
 ROWS = {
     "poses": ({"gravity_norm": "", "pose_rate": "xyz"}, (*CHANNELS, "temperature")),
     "moves": (

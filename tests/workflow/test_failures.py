@@ -13,7 +13,7 @@ from imuloop.core.files import read_json
 from workflow.run import snakemake
 from workflow.test_caching import edited, planned
 
-# what a script does for a device before its stage
+# lines that a script runs for a device before its stage
 BUG = "raise ArithmeticError('forced')"
 # for the user, in place of the text of the exception
 WHY = "an error in the code of imuloop (ArithmeticError)"

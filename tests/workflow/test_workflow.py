@@ -130,7 +130,7 @@ def test_a_config_that_cannot_be_read_is_one_line(checkout, tmp_path, text, line
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(
     checkout, finished, tmp_path
 ):
-    """All paths relative to another folder than that of the results."""
+    """All paths are relative to another folder than the folder of the results."""
     folder, sessions, cached = tmp_path / "else where", {}, {}
     (folder / "mirror/deep").mkdir(parents=True)
     (folder / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
@@ -191,7 +191,7 @@ def test_snakemake_makes_its_own_report(finished, checkout):
 
 
 def test_jobs_ask_for_more_memory_than_they_take(finished):
-    """Protects: a cluster kills a job above what it asked for, so 1.3 times the peak is asked."""
+    """Protects: a cluster kills a job above its request, so 1.3 times the peak is asked."""
     folder, done = finished
     jobs = re.findall(
         r"log: logs/(\S+)\.log\n(?: .*\n)*? +resources: .*?mem_mb=(\d+)",
