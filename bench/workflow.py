@@ -157,7 +157,7 @@ def factory(options):
     with ProcessPoolExecutor(options.cores) as pool:
         list(pool.map(make_logs, [data] * (max(counts) + 1), range(max(counts) + 1)))
     for count in counts:
-        faults += timed(folder, count, options.cores, rows)
+        faults += time_runs(folder, count, options.cores, rows)
     for few, many in pairwise(counts):
         first = (f"run_{count}/first" for count in (few, many))
         compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), *first]
@@ -204,7 +204,7 @@ def make_logs(folder, number):
             write_log(path, simulate_session(truth, kind), {})
 
 
-def timed(folder, count, cores, rows):
+def time_runs(folder, count, cores, rows):
     """Time the runs of `count` devices into rows by name; return their faults."""
     work, repository, faults = folder / f"run_{count}", folder / f"repository_{count}", []
     for each in (work, repository):

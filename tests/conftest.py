@@ -68,10 +68,10 @@ def recordings():
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
-    from quick import DRAW, blank
+def blank_figures(monkeypatch):
+    from quick import DRAW, write_blank
 
-    monkeypatch.setattr(DRAW, blank)
+    monkeypatch.setattr(DRAW, write_blank)
 
 
 @pytest.fixture

@@ -115,11 +115,11 @@ def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration
     assert second.startswith("gyroscope: unexplained (") and "diagnosis.json" in second
 
 
-def renamed(ending):
+def rename_to(ending):
     return lambda path: path.rename(path.with_name(f"other{ending}"))
 
 
-def packed(path):
+def pack(path):
     other = path.with_name("packed.csv.gz")
     other.write_bytes(gzip.compress(path.read_bytes()))
     return other
@@ -142,9 +142,9 @@ def by_pandas(ending, cut=None):
     ("ending", "treated"),
     [
         *((ending, lambda path: path) for ending in (".csv", ".parquet")),
-        *((".csv", renamed(ending)) for ending in (".txt", ".dat", "")),
-        *((".parquet", renamed(ending)) for ending in (".pq", ".csv", "")),
-        (".csv", packed),
+        *((".csv", rename_to(ending)) for ending in (".txt", ".dat", "")),
+        *((".parquet", rename_to(ending)) for ending in (".pq", ".csv", "")),
+        (".csv", pack),
         (".csv", by_pandas(".csv", slice(50, 250))),
         (".csv", by_pandas(".parquet")),
         (".parquet", by_pandas(".parquet", slice(50, 250))),

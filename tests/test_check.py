@@ -14,7 +14,7 @@ from imuloop.__main__ import main
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.model.sensor_calibration import SensorCalibration
-from quick import hurried
+from quick import hurry
 from test_command_line import one_line_error
 
 
@@ -187,7 +187,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     columns = {"time": "stamp", "acceleration": ["fx", "fy", "fz"], "angular_rate": ["p", "q", "r"]}
     units = {"time": "ms", "acceleration": "g", "angular_rate": "rad/s"}
     how = {"columns": columns, "units": units, "folder": tmp_path / "own", "progress": False}
-    with hurried("device"):
+    with hurry("device"):
         result = imuloop.calibrate(tmp_path / "0.csv", **how)
     assert result.calibration.log == {"columns": columns, "units": units}
     path, out = tmp_path / "own/calibration.json", tmp_path / "out.parquet"

@@ -28,8 +28,8 @@ from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
-from quick import hurried
-from workflow.run import forked
+from quick import hurry
+from workflow.run import run_fork
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
@@ -165,7 +165,7 @@ def results(tmp_path, monkeypatch):
     return samples
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
 )
@@ -174,7 +174,7 @@ def test_python_runs(results, monkeypatch, block):
     monkeypatch.setattr(Effect, "library", dict(Effect.library))
     block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')
     names = {}
-    with hurried("my_imu"):
+    with hurry("my_imu"):
         exec(compile(block, "document", "exec"), names)
     if "calibrated" in names:
         found = (results - names["calibrated"])[list(CHANNELS)]
@@ -191,7 +191,7 @@ def commands():
     return sorted({line for line in lines if line and not line.startswith(("#", ".venv-cluster"))})
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize("command", commands())
 def test_commands_work(results, tmp_path, command):
     words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
@@ -207,7 +207,7 @@ def test_commands_work(results, tmp_path, command):
         config.write_text(RESTING)
         places = {"REPO/Snakefile": REPOSITORY / "Snakefile", "WORKDIR": tmp_path, "CONFIG": config}
         arguments = [str(places.get(word, word)) for word in arguments]
-        run = forked([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
+        run = run_fork([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
         assert run.returncode == 0, run.stderr
     elif tool.endswith("snakemake") or tool == "sbatch":
         # other tests check the configs of the repository, and run the script on a SLURM

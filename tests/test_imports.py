@@ -44,7 +44,7 @@ DISTRIBUTIONS = {"yaml": "pyyaml"}
 EXTRAS = "report workflow matlab netcdf ros ulog".split()
 
 
-def imported(path):
+def imports_of(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -63,7 +63,7 @@ def test_arrows_go_one_way(repository, of):
         p for p in library.rglob("*.py") if p.relative_to(library).parts[0] in (of, f"{of}.py")
     ]
     allowed = ARROWS[of] | {of, "core"}
-    names = {(p.name, name) for p in files for name in imported(p) if name.startswith("imuloop")}
+    names = {(p.name, name) for p in files for name in imports_of(p) if name.startswith("imuloop")}
     assert files and not {each for each in names if stage(each[1]) not in allowed}
 
 
@@ -72,7 +72,7 @@ def test_every_package_imported_is_declared(repository):
     needed = {
         name.partition(".")[0]
         for path in (repository / "workflow/lib").rglob("*.py")
-        for name in imported(path)
+        for name in imports_of(path)
     }
     needed -= {"imuloop", *sys.stdlib_module_names}
     needed = {DISTRIBUTIONS.get(name, name).lower() for name in needed}

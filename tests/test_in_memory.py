@@ -25,7 +25,7 @@ def table(t, f, w):
     return pd.DataFrame(np.column_stack([t, f, w]), columns=["t", *FORCE, *TURN])
 
 
-def frozen(values):
+def freeze(values):
     values = values.copy()
     values.flags.writeable = False
     return values
@@ -39,7 +39,7 @@ FORMS = {
     "long double": lambda t, f, w: ((t, f.astype("g"), w), {}),
     "the other byte order": lambda t, f, w: ((t.astype(">f8"), f.astype(">f8"), w), {}),
     "not contiguous": lambda t, f, w: ((t, np.hstack([f, w])[:, :3], np.asfortranarray(w)), {}),
-    "read only": lambda t, f, w: (tuple(map(frozen, (t, f, w))), {}),
+    "read only": lambda t, f, w: (tuple(map(freeze, (t, f, w))), {}),
     "objects": lambda t, f, w: ((t, f.astype(object), w), {}),
     "whole microseconds": lambda t, f, w: (
         ((1e6 * t).round().astype(int), f, w),

@@ -9,7 +9,7 @@ from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.model.calibration import Calibration
-from quick import hurried
+from quick import hurry
 from segment.logs import adis16405
 
 # s: ten days, and a boot clock that meets GPS time
@@ -23,7 +23,7 @@ def results(samples, jump, folder):
     table.to_parquet(folder / "log.parquet")
     device = Device("imu", folder, {"log": "static"})
     chain.ingest(device, "log", {}, [folder / "log.parquet"])
-    with hurried("imu"):
+    with hurry("imu"):
         chain.run(device)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sensors = read_json(folder / "diagnosis.json")["sensors"]
@@ -37,7 +37,7 @@ def results(samples, jump, folder):
 
 
 @pytest.mark.study
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_what_lies_between_changes_nothing(recordings, tmp_path):
     samples = adis16405(recordings)[:12_000]
     ten_days, gps = (results(samples, jump, tmp_path / f"{jump:g}") for jump in JUMPS)

@@ -61,12 +61,12 @@ def noise(hours, seeds, environment):
                 rows.append((peer, which, f"failed: {failed[peer]}", *"–––"))
             else:
                 found = np.concatenate(errors[peer])
-                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(shown, found.T)))
+                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, found.T)))
     size = f"{len(seeds)} × {hours:g} h, {LOG_RATE:g} Hz, six axes"
     return table((size, "log", "processor time, s", "N", "B", "K"), rows)
 
 
-def shown(errors):
+def median_of(errors):
     """Return the median of relative errors, and of how many it is where some are missing."""
     known = errors[np.isfinite(errors)]
     if not len(known):

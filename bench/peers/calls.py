@@ -103,7 +103,7 @@ GIVEN = {"noise_imuloop": session_of, "noise_dedrunk": recordings_of}
 TIMES = {"noise_dedrunk": 3}
 
 
-def used():
+def processor_seconds():
     """Return seconds of processor time of the process and those that it has waited for."""
     of = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(each.ru_utime + each.ru_stime for each in of)
@@ -111,9 +111,9 @@ def used():
 
 def seconds(call, *arguments):
     """Return the result of a call, and its seconds of processor time."""
-    before = used()
+    before = processor_seconds()
     values = call(*arguments)
-    return values, used() - before
+    return values, processor_seconds() - before
 
 
 def main():

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.realistic.device import CASES, FEW
-from bench.realistic.judge import SENSORS, alarms, judged
+from bench.realistic.judge import SENSORS, alarms, judge
 from bench.tables import commit, share, table
 
 # ratio of the errors above which a device is named
@@ -121,7 +121,7 @@ def main():
     seeds, made_of = range(options.first, options.first + options.seeds), commit()
     jobs = [(*job, options.keep) for job in product(seeds, cases) if job not in done]
     with multiprocessing.Pool(options.workers) as pool, options.lines.open("a") as file:
-        for job in [pool.apply_async(judged, job) for job in jobs]:
+        for job in [pool.apply_async(judge, job) for job in jobs]:
             devices.append(job.get() | {"commit": made_of})
             print(json.dumps(devices[-1]), file=file, flush=True)
             ratios = ", ".join(f"{s} {r or np.nan:.2f}" for s, r in devices[-1]["ratios"].items())

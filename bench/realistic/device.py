@@ -212,14 +212,14 @@ def move(seed, parts, rate):
     size = swing[0][pose] * np.sin(2 * np.pi * swing[1][pose] * x)
     small = bump * size[:, None] * about[pose]
     if "settle" in parts:
-        small = small + settling(t - edges[piece], seconds, pose, moving, s, seed)
+        small = small + decaying_tilt(t - edges[piece], seconds, pose, moving, s, seed)
     if "tremor" in parts:
         # a hand holds a part of the poses or all; the first time the device lies on a table
         random = stream(seed, "held")
         share = random.choice([0.3, 0.6, 1.0])
         held = (random.random((count, 1)) < share).astype(float)
         held[0] = 0
-        small = small + course(held) * trembling(t, seed)
+        small = small + course(held) * hand_tremor(t, seed)
     attitude = attitudes[pose] * Rotation.from_rotvec(s * turns[pose])
     attitude = attitude * Rotation.from_rotvec(small)
     arm = rng.uniform(0.03, 0.1) * sphere(50)[rng.integers(50)]
@@ -236,7 +236,7 @@ def move(seed, parts, rate):
     return Motion(t, attitude, angular_rate, force, 1 - bump, rests)
 
 
-def settling(since, seconds, pose, moving, s, seed):
+def decaying_tilt(since, seconds, pose, moving, s, seed):
     """Return the tilt that decays after the device was put down on something soft, (n, 3)."""
     rng, count = stream(seed, "settle"), len(seconds) // 2 + 1
     tau = rng.uniform(1, 3, count)
@@ -248,7 +248,7 @@ def settling(since, seconds, pose, moving, s, seed):
     return np.where(moving[:, None], (1 - s) * left[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest)
 
 
-def trembling(t, seed):
+def hand_tremor(t, seed):
     """Return the tremor and the sway of a hand, rotation vectors, rad, (n, 3)."""
     rng = stream(seed, "tremor")
     f, fine, coarse = rng.uniform(6.5, 11.5), rng.uniform(0.005, 0.03), rng.uniform(0.05, 0.3)
@@ -256,7 +256,7 @@ def trembling(t, seed):
     return DEGREE * (tremor + coarse * waves(t, 0.05, 0.5, rng))
 
 
-def shaken(motion, seed):
+def fan_vibration(motion, seed):
     """Return the vibration of a table with a fan: specific force and angular rate, (n, 3) each."""
     rng = stream(seed, "fan")
     f, force, turn = rng.uniform(20, 120), rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5) * DEGREE
@@ -346,7 +346,7 @@ def record(seed, case="clean", noise=True):
     motion = move(seed, parts, every * rate)
     felt = [motion.force, motion.angular_rate]
     if "fan" in parts:
-        felt = np.add(felt, shaken(motion, seed))
+        felt = np.add(felt, fan_vibration(motion, seed))
     own = stream(seed, "case")
     if "lowpass" in parts:
         corner = min(own.uniform(20, 50), 0.35 * rate)
@@ -375,7 +375,7 @@ def record(seed, case="clean", noise=True):
         case, parts, seed, rate, *made, motion.rests, log, slopes, steps, jump, middle, extremes
     )
     values = np.hstack([out + known.bias(k, t, true) for k, out in enumerate(logged)])
-    values = spoiled(values, parts, own)
+    values = digitise(values, parts, own)
     log.update(t=arrivals(t, seed) if "usb" in parts else t)
     log.update(zip(CHANNELS, values.T, strict=True))
     log.update({} if read is None else {"temperature": read})
@@ -406,7 +406,7 @@ def effects(parts, rng, duration):
     return tuple(slopes), tuple(steps), jump
 
 
-def spoiled(log, parts, rng):
+def digitise(log, parts, rng):
     """Return the output, (n, 6), as the digital side of the device hands it over."""
     if "spikes" in parts:
         count = rng.poisson(len(log) / rng.uniform(1000, 4000))

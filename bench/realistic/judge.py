@@ -60,7 +60,7 @@ def errors(made, corrected):
     return {name: float(np.sqrt(np.mean(each))) for name, each in sorted(found.items())}
 
 
-def judged(seed, case, keep=None):
+def judge(seed, case, keep=None):
     """Return the outcome of one device, for JSON; its log and results stay in a folder `keep`."""
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -55,7 +55,7 @@ def fit_accelerometer(means, prior=False):
         left = np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
         return np.append(left / KNOWN, (p - NOMINAL) / SHEET) if prior else left
 
-    return _solved(residual, NOMINAL, sensor)
+    return _solve(residual, NOMINAL, sensor)
 
 
 def fit_gyroscope(t, rate, moves, up, bias):
@@ -79,10 +79,10 @@ def fit_gyroscope(t, rate, moves, up, bias):
         turned = rotation(step, own.corrected(first), own.corrected(second))
         return (rotate_back(turned, up[:-1]) - up[1:]).ravel()
 
-    return _solved(residual, np.repeat([0.0, 0.0, 1.0], 3), sensor)
+    return _solve(residual, np.repeat([0.0, 0.0, 1.0], 3), sensor)
 
 
-def _solved(residual, start, sensor):
+def _solve(residual, start, sensor):
     if len(residual(start)) < len(start):
         return None
     found = least_squares(residual, start, x_scale="jac")

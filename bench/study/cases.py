@@ -78,7 +78,7 @@ def all_cases(plan="usual", limits=LIMITS):
     return [replace(case, plan=plan, limits=limits) for case in cases]
 
 
-def injected(case, seed, control):
+def choose_effects(case, seed, control):
     """Return the effects put into a device, sized by the diagnosis of its control.
 
     A detection limit d is the size of a parameter that alone is not zero. The parameters together
@@ -116,11 +116,11 @@ def injected(case, seed, control):
             # the log may show some of them alone
             shown = [p in candidate["detection_limit"] for p in candidate["parameters"]]
             alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
-        made.append(_injected(case, name, candidate, alike, rng))
+        made.append(_choose_effect(case, name, candidate, alike, rng))
     return tuple(made)
 
 
-def _injected(case, name, candidate, alike, rng):
+def _choose_effect(case, name, candidate, alike, rng):
     """Return one effect of as many detection limits as the case has."""
     sensor, limits = case.sensor, case.limits
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])

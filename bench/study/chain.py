@@ -41,7 +41,7 @@ ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 
-def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
+def run_stages(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
     """Do the stages of a device, by default up to the diagnosis; raise the error of one that fails.
 
     A rejected session raises too: figures of the others belong to another device.
@@ -70,7 +70,7 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
             path = folder / f"{name}.parquet"
             write_log(path, simulate_session(truth, name, seed), log_metadata(truth, name))
             chain.ingest(device, name, {}, [path])
-        through(device)
+        run_stages(device)
         diagnosis = read_json(folder / "diagnosis.json")
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis
 

@@ -4,7 +4,7 @@ import os
 import pickle
 
 
-def kept(folder, name, make, *arguments):
+def keep_outcome(folder, name, make, *arguments):
     """Return the outcome of this name in a folder, or else make it now and write it there.
 
     Without a folder nothing is written; where `make` is None an outcome that is not there is None.

@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from dataclasses import asdict
 
-from bench.study.cases import injected
+from bench.study.cases import choose_effects
 from bench.study.chain import (
     alike_products,
     base_pulls,
@@ -13,8 +13,8 @@ from bench.study.chain import (
     product_limits,
 )
 from bench.study.devices import DEVICES, in_variant, with_effects
-from bench.study.keep import kept
-from bench.study.score import fitted, is_true
+from bench.study.keep import keep_outcome
+from bench.study.score import effect_entries, is_true
 from bench.tables import commit
 
 
@@ -62,7 +62,7 @@ def _control(job):
     keep, make, made_of, record, plan, seed, limits = job
     name = f"control_{record}_{plan}_{seed}" + ("" if limits else "_without_limits")
     make = made_control if make else None
-    return job, kept(keep, name, make, record, plan, seed, limits, made_of)
+    return job, keep_outcome(keep, name, make, record, plan, seed, limits, made_of)
 
 
 def made_control(record, plan, seed, limits, made_of):
@@ -83,12 +83,14 @@ def _device(job):
     keep, make, made_of, case, seed, control = job
     words = (case.kind, case.record, case.sensor, *case.names, case.plan, f"{case.limits:g}")
     make = made_device if make else None
-    return case, kept(keep, "_".join((*words, str(seed))), make, case, seed, control, made_of)
+    return case, keep_outcome(
+        keep, "_".join((*words, str(seed))), make, case, seed, control, made_of
+    )
 
 
 def made_device(case, seed, control, made_of):
     """Return the outcome of a device of a case, sized by its control."""
-    start, effects = time.process_time(), injected(case, seed, control)
+    start, effects = time.process_time(), choose_effects(case, seed, control)
     made = {"seed": seed, "commit": made_of, "control": control["diagnosis"], "diagnosis": None}
     made |= {"injected": [], "found": []}
     if effects is not None:
@@ -105,14 +107,16 @@ def made_device(case, seed, control, made_of):
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
         made["found"] = [
-            {**found, "expected": _expected(case, truth, seed, effect, found, record)}
+            {**found, "expected": _expected_values(case, truth, seed, effect, found, record)}
             for effect in effects
-            for record, found in fitted(made["diagnosis"], case.sensor, case.record, effect.name)
+            for record, found in effect_entries(
+                made["diagnosis"], case.sensor, case.record, effect.name
+            )
         ]
     return made | {"seconds": time.process_time() - start}
 
 
-def _expected(case, truth, seed, effect, found, record):
+def _expected_values(case, truth, seed, effect, found, record):
     """Return the values of an injected effect in the variant that was found; {} of none."""
     if case.kind == "product":
         return effect.values if is_true(case, found) else {}

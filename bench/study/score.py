@@ -13,7 +13,7 @@ RATIO = 1.25
 SIGMAS = 3.0
 
 
-def named(diagnosis):
+def added_effects(diagnosis):
     """Return (sensor, record, name) of every effect that a diagnosis added, in its order.
 
     What was found at rest is known at the poses: a candidate that is added, no effect of theirs.
@@ -27,7 +27,7 @@ def named(diagnosis):
     return found
 
 
-def fitted(diagnosis, sensor, record, name):
+def effect_entries(diagnosis, sensor, record, name):
     """Return the entries of ``effects``, with their record, that hold the values of an effect."""
     parts = diagnosis["sensors"][sensor]
     for place in (record, "static_record"):
@@ -75,7 +75,7 @@ def judge(case, outcome):
     ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put in
     and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added, anywhere.
     """
-    every = named(outcome["diagnosis"])
+    every = added_effects(outcome["diagnosis"])
     if case.kind == "control":
         return {"more": every}
     if case.kind == "product":
@@ -112,7 +112,7 @@ def ratio(case, outcome, whole=False):
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )
     if "steps" in case.names and case.record == "static_record" and not whole:
-        held = unforetold(found["points"], outcome["injected"][0]["constants"]["times"])
+        held = step_blocks(found["points"], outcome["injected"][0]["constants"]["times"])
         after, before = (
             np.mean([p[when] ** 2 for p in part["points"] if p["start_s"] not in held])
             for part, when in ((found, "after"), (control, "before"))
@@ -124,7 +124,7 @@ def ratio(case, outcome, whole=False):
     )
 
 
-def unforetold(points, times):
+def step_blocks(points, times):
     """Return the starts of the means in those blocks of a session in which a step happens, s."""
     starts = np.unique([p["start_s"] for p in points])
     block = np.arange(len(starts)) * DiagnoseSettings().blocks // len(starts)
@@ -159,7 +159,7 @@ def base_pulls(case, outcome):
     return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
 
 
-def settled(outcome):
+def explained_ratios(outcome):
     """Return held-out error over floor of everything said to be explained or consistent."""
     return [
         residual["after"] / residual["floor"]

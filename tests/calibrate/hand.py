@@ -58,7 +58,7 @@ def turn(rng):
     return w
 
 
-def sampled(w, rate, rng):
+def sample_rate(w, rate, rng):
     """Return an angular rate as it is logged, from a random instant on."""
     step = round(RATE / rate)
     return w[rng.integers(step) :: step]

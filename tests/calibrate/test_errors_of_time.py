@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.devices import calibrated, known_noise, recorded, scores
+from calibrate.devices import calibrate_recording, known_noise, record_samples, scores
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
@@ -24,8 +24,8 @@ SEEDS = 3
 
 
 def of_log(log):
-    made = recorded(log)
-    return *calibrated(made, NOISE, TRUTH.gravity), made
+    made = record_samples(log)
+    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
 
 
 def in_order(log):
@@ -97,7 +97,7 @@ def calibrated_from_file(log, folder):
     table = segment_session(samples, paths["kind"], SegmentSettings(), rails=rails)[0]
     write_table(paths["segments"], table)
     made = read_recording({"s": paths}, 30.0)
-    return *calibrated(made, NOISE, TRUTH.gravity), made
+    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
 
 
 # the upper end alone, or both

@@ -38,7 +38,7 @@ def problem_of(pair, recording, variants=None, folds=10, **more):
     return PoseProblem(pair, recording, variants or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
 
 
-def diagnosed(truth, recording, noise=None, tests=0, **settings):
+def pose_result(truth, recording, noise=None, tests=0, **settings):
     """Return the PoseResult of a recording."""
     pair, reasons = fitted_pair(truth, recording, noise)
     problem = pair and pose_problem(pair, recording, DiagnoseSettings(**settings), tests)

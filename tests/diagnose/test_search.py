@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
-from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
+from diagnose.models import of_sensor, pair_of, pose_result, problem_of, variants_of
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.pose_diagnosis import too_few
@@ -38,7 +38,7 @@ def with_g_sensitivity(truth, matrix):
 
 
 @pytest.fixture(scope="module")
-def sensitive():
+def sensitive_device():
     truth = with_g_sensitivity(TRUTH, MATRIX)
     return truth, recording(truth, 1)
 
@@ -47,12 +47,12 @@ def sensitive():
 def controls():
     """The results of two devices without an effect; the first moves as that with one does."""
     with patch(LIMITS, return_value={"any": 0.0}):
-        return [diagnosed(TRUTH, recording(TRUTH, seed), folds=5) for seed in (1, 20)]
+        return [pose_result(TRUTH, recording(TRUTH, seed), folds=5) for seed in (1, 20)]
 
 
-def test_an_undeclared_effect_is_found_with_its_size(sensitive, controls, no_limits):
-    truth, _ = sensitive
-    found = diagnosed(*sensitive, folds=5)
+def test_an_undeclared_effect_is_found_with_its_size(sensitive_device, controls, no_limits):
+    truth, _ = sensitive_device
+    found = pose_result(*sensitive_device, folds=5)
     content, calibration = found.contents["gyroscope"], found.calibrations["gyroscope"]
     assert content["verdict"] == "explained"
     assert found.contents["accelerometer"]["verdict"] == "consistent"
@@ -87,7 +87,7 @@ def test_controls_are_consistent(controls):
 
 @pytest.mark.parametrize(("poses", "testable"), [(1, False), (4, False), (11, False), (12, True)])
 def test_few_poses_calibrate_and_enough_of_them_are_tested(poses, testable):
-    found = diagnosed(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
+    found = pose_result(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
     assert set(found.calibrations) == set(SENSORS)
     for content in found.contents.values():
         assert (content["verdict"] != "not_testable") == testable
@@ -104,8 +104,8 @@ def test_six_faces_three_times_are_too_few_attitudes():
         assert why.endswith("18 poses found, 12 needed in 10 attitudes, not 6")
 
 
-def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
-    truth, made = sensitive
+def test_a_held_out_pose_hardly_touches_its_prediction(sensitive_device):
+    truth, made = sensitive_device
     pair, spoiled = pair_of(truth, made), {"w": made.poses.w.copy(), "f": made.poses.f.copy()}
     spoiled["w"][0] += 1e-3
     spoiled["f"][0] += 1e-3

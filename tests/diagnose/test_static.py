@@ -21,7 +21,7 @@ def noise(seed, flicker=2.0, walk=5.0, n=N):
     return root(n, flicker, walk) @ np.random.default_rng(seed).standard_normal((n, 3))
 
 
-def found(values):
+def find_effects(values):
     """Return the effects found in values (n, 3), or in values of several sessions by name."""
     values = values if isinstance(values, dict) else {"s": values}
     records = [record(v, session) for session, v in values.items()]
@@ -58,7 +58,7 @@ def test_each_effect_is_found_by_its_name(name):
     add = add / np.abs(add - add.mean(axis=0)).max() * {"ramp": 6.0}.get(name, 3.0)
     # a warm-up is over after the first block of time: two starts to foresee one, and without it
     sessions = "stu" if name == "warm_up" else "s"
-    finding = found({s: noise(k) + add for k, s in enumerate(sessions)})
+    finding = find_effects({s: noise(k) + add for k, s in enumerate(sessions)})
     assert name in names(finding)
     at = names(finding).index(name)
     assert finding.choices.choice().added[at].change.certain
@@ -69,13 +69,15 @@ def test_each_effect_is_found_by_its_name(name):
 
 def test_devices_without_an_effect_have_none():
     kinds = ((0, 0), (5, 0), (0, 5), (3, 3))
-    alarms = [names(found(noise(20 + k, *kinds[k % 4]))) for k in range(8)]
+    alarms = [names(find_effects(noise(20 + k, *kinds[k % 4]))) for k in range(8)]
     # 2 % of searches of one sensor; two or more of 8 happen in 1 % of such sets
     assert sum(map(bool, alarms)) <= 1
 
 
 def test_two_effects_are_found_one_after_the_other():
-    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0])
+    finding = find_effects(
+        noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0]
+    )
     assert set(names(finding)) == {"bias_temperature", "steps"}
 
 
@@ -83,7 +85,7 @@ def test_several_steps_are_found():
     values = noise(4)
     for place, height in ((30, 3.0), (80, -4.0)):
         values[place:] += height
-    finding = found(values)
+    finding = find_effects(values)
     assert names(finding) == ["steps"]
     times = sorted(finding.effects[0].effect.times)
     np.testing.assert_allclose(times, [30 * LENGTH, 80 * LENGTH], atol=LENGTH)
@@ -91,7 +93,7 @@ def test_several_steps_are_found():
 
 def test_sessions_share_the_parameters_and_have_their_own_levels():
     warm, _ = pattern("bias_temperature")
-    finding = found({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
+    finding = find_effects({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
     assert names(finding) == ["bias_temperature"]
     for name, value in finding.effects[0].values.items():
         if name.startswith("c1"):
@@ -103,14 +105,14 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     """With any values of a part, the effects, estimates and predictions of the others stay."""
     rng = np.random.default_rng(11)
     values = {"a": noise(30) + 3 * pattern("steps")[0]}
-    choices, part = found(values).choices, 4
+    choices, part = find_effects(values).choices, 4
     assert choices.choice().effects
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
     each = np.split(choices.problem.fold_of_row, ends)
     for parts, v in zip(each, changed.values(), strict=True):
         v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
-    held_out, both = frozenset({part}), (choices, found(changed).choices)
+    held_out, both = frozenset({part}), (choices, find_effects(changed).choices)
     chosen = [c.search(held_out).significant_effects(c.search().kinds) for c in both]
     assert chosen[0] == chosen[1] and chosen[0]
     foreseen = [
