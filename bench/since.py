@@ -68,7 +68,7 @@ class Side:
         return timed_process(command, self.environment, self.folder)[:2]
 
     def workflow(self, config, work, *arguments):
-        """Return the same of the workflow, two jobs at once."""
+        """Return wall and processor seconds of the workflow, two jobs at once."""
         where = ("-s", self.repository / "Snakefile", "-d", self.folder / work)
         return self.python("-m", "snakemake", *where, "--configfile", config, "-c2", *arguments)
 
@@ -82,7 +82,7 @@ def copy_of(commit, folder):
 
 
 def works(folder):
-    """Return what is timed: by name the bound of the ratio, and a function of a Side.
+    """Return the timed work: by name the bound of the ratio, and a function of a Side.
 
     The workflow's runs come first; the stages take their results.
     """
@@ -148,7 +148,7 @@ def main():
 
 
 def figures(took):
-    """Return median processor seconds of both, their ratio, its spread, and that of wall time."""
+    """Return median processor seconds of both, their ratio and its spread, ratio of wall time."""
     walls, seconds = zip(*(zip(*each, strict=True) for each in took), strict=True)
     before, now = (median(each) for each in zip(*seconds, strict=True))
     ratios = [b / a for a, b in seconds]

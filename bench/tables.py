@@ -31,7 +31,7 @@ def share(part, whole):
     return f"{part / whole:.0%} ({part} of {whole}; {low:.0%} to {high:.0%})"
 
 
-def met(good):
+def bound_text(good):
     """Return whether a bound is met, as text; None where nothing is required."""
     return "–" if good is None else "yes" if good else "**no**"
 

@@ -1,7 +1,7 @@
 """What an offset in time found by imuloop is worth to a filter of others, on trials it never saw.
 
 From the repository, its library on the path: ``python -m bench.vqf_offset DIAGNOSIS`` with the
-diagnosis.json of ``config/reference.yaml``. BROAD ranks orientation filters beside motion capture
+diagnosis.json of ``config/reference.yaml``. BROAD ranks orientation filters by motion capture
 (Laidig et al., Data 6 (7), 72, 2021). The filter is VQF with the settings of its authors, from
 gyroscope, accelerometer and magnetometer; the error is BROAD's own, of the inclination.
 """
@@ -46,11 +46,11 @@ def main():
     named = zip((*TRIALS, "mean"), (*errors, np.mean(errors, axis=0)), strict=True)
     rows = [(name, *(f"{error:.3f}" for error in row)) for name, row in named]
     text = HEAD.format(ms=1e3 * dt) + table(("trial", *COLUMNS), rows)
-    publish("vqf", "VQF beside motion capture, with an offset in time", text)
+    publish("vqf", "VQF by motion capture, with an offset in time", text)
 
 
 def offset(diagnosis):
-    """Return the offset of the gyroscope's stamps that was found beside the reference, s."""
+    """Return the offset of the gyroscope's stamps that was found by the reference, s."""
     effects = diagnosis["sensors"]["gyroscope"]["reference"]["effects"]
     return next(e["parameters"]["dt"] for e in effects if e["name"] == "time_offset")
 
@@ -67,8 +67,8 @@ def at_hand(url):
 def before_and_after(trial, dt):
     """Return the filter's error by the reference as it is, and read at the stamps plus shifts, °.
 
-    The filter turns by each sample over the whole period before its stamp: beside a rate that is
-    sampled at the stamps, as imuloop takes it, its estimate is half a period ahead.
+    The filter turns by each sample over the whole period before its stamp. imuloop takes the rate
+    as sampled at the stamps; so the estimate of the filter is half a period ahead.
     """
     period = 1 / trial["sampling_rate"].item()
     imu = [np.ascontiguousarray(trial[f"imu_{name}"]) for name in ("gyr", "acc", "mag")]
@@ -85,7 +85,7 @@ def before_and_after(trial, dt):
 
 
 def inclination(estimated, reference):
-    """Return the root-mean-square error of the inclination, °: that of BROAD's repository."""
+    """Return the root-mean-square error of the inclination, °, as BROAD's repository defines it."""
     w, _, _, z = (estimated * reference.inv()).as_quat(scalar_first=True).T
     error = 2 * np.arccos(np.clip(np.hypot(w, z), 0, 1))
     return np.rad2deg(np.sqrt(np.mean(error**2)))

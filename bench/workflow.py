@@ -53,9 +53,9 @@ MISSED = 3
 
 # --- a factory
 STATIC_S = 1200.0
-# of so many devices one follows the changed default, the others have a setting of their own
+# one of this many devices follows the changed default, the others have their own setting
 FOLLOWS = 10
-# jobs of one device by rule: all of them, those of which the code is edited, and those that a
+# jobs of one device by rule: all of them, jobs of which the code is edited, and jobs that a
 # changed default reaches
 WHOLE = Counter("noise calibrate diagnose export report_device".split())
 WHOLE.update(["ingest", "segment", "allan"] * 2)
@@ -67,9 +67,9 @@ KINDS = ("multi_position", "static")
 def timed_process(command, environment, folder=None):
     """Run a command; return wall and processor seconds, its children's with it, and its output.
 
-    Exits with the end of what it printed where it fails.
+    Exits with the end of its output where it fails.
     """
-    # byte code is kept from job to job, as Python does where nobody forbids it
+    # byte code is kept from job to job, as Python does by default
     environment = {**environment, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
     begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
     how = {"env": environment, "cwd": folder, "capture_output": True, "text": True}
@@ -157,7 +157,7 @@ def factory(options):
     with ProcessPoolExecutor(options.cores) as pool:
         list(pool.map(make_logs, [data] * (max(counts) + 1), range(max(counts) + 1)))
     for count in counts:
-        faults += timed(folder, count, options.cores, rows)
+        faults += time_runs(folder, count, options.cores, rows)
     for few, many in pairwise(counts):
         first = (f"run_{count}/first" for count in (few, many))
         compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), *first]
@@ -204,8 +204,8 @@ def make_logs(folder, number):
             write_log(path, simulate_session(truth, kind), {})
 
 
-def timed(folder, count, cores, rows):
-    """Time the runs of so many devices into rows by name; return what they did wrongly."""
+def time_runs(folder, count, cores, rows):
+    """Time the runs of `count` devices into rows by name; return their faults."""
     work, repository, faults = folder / f"run_{count}", folder / f"repository_{count}", []
     for each in (work, repository):
         shutil.rmtree(each, ignore_errors=True)
@@ -242,7 +242,7 @@ def timed(folder, count, cores, rows):
 
 
 def other_jobs(name, output, wanted):
-    """Yield what a run did, by its output, if that is not what it should."""
+    """Yield the jobs of a run, by its output, if they differ from the wanted ones."""
     listed = output.partition("Job stats:")[2].partition("total")[0]
     jobs = {rule: int(n) for rule, n in re.findall(r"(?m)^([a-z_]+) +(\d+)$", listed)}
     # a file of the first run
@@ -252,7 +252,7 @@ def other_jobs(name, output, wanted):
 
 
 def write_config(work, count, longest_rotation=30):
-    """Write the config of so many devices; one of ten has no setting of its own."""
+    """Write the config of `count` devices; one of ten has the default setting."""
     devices = {}
     for i in range(count):
         files = {k: {"kind": k, "file": f"../data/{device(i)}_{k}.csv"} for k in KINDS}

@@ -1,6 +1,6 @@
-"""Draw how to record and how to judge: ``python docs/drawings.py`` writes the drawings beside it.
+"""Draw how to record and how to judge: ``python docs/drawings.py`` writes the drawings next to it.
 
-Each drawing has a ground of its own, so that it is readable on a light and on a dark page.
+Each drawing has its own background, so that it is readable on a light and on a dark page.
 """
 
 from itertools import product
@@ -139,7 +139,7 @@ def attitudes():
             css = 'class="mark"' if u[2] >= 0 else 'class="mark" opacity="0.3"'
             drawn.append(f'<circle {css} cx="{px:.1f}" cy="{py:.1f}" r="4"/>')
         drawn += [text(x, 196, words), text(x, 222, more, "soft")]
-    drawn.append(text(662, 32, "what was up, on a sphere (pale: behind)", "soft"))
+    drawn.append(text(662, 32, "side that was up, on a sphere (pale: behind)", "soft"))
     about = (
         f"A box with one of its {len(FACES)} faces, {len(EDGES)} edges and {len(CORNERS)} corners "
         f"up. Beside it two spheres: with {len(between)} attitudes more in between, the "
@@ -234,7 +234,7 @@ def temperature():
 
 
 def held_out():
-    """Return how an effect is chosen and judged: ten parts, and errors beside the floor."""
+    """Return the drawing of the choice of an effect: ten parts, and errors next to the floor."""
     drawn = [text(24, 30, "ten parts of a recording", "soft", "start")]
     for part in range(10):
         css = "turn" if part == 7 else "rest"
@@ -271,12 +271,12 @@ def held_out():
     drawn.append(text(776, floor + 5, "floor", "soft", "start", 13))
     about = (
         "Ten parts of a recording: the fit and the search for effects see nine of them, and the "
-        "tenth is predicted. Below, the held-out error before and after, beside the floor of the "
+        "tenth is predicted. Below, the held-out error before and after, next to the floor of the "
         "noise: at the floor with no effect is consistent; at the floor after effects were added "
         "is explained; lower, but above it, is partly explained; above it with nothing added is "
         "unexplained."
     )
-    return "How an effect is chosen, and what the verdicts say", about, 820, 290, drawn
+    return "How an effect is chosen, and the meaning of the verdicts", about, 820, 290, drawn
 
 
 # by the name of the file

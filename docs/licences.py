@@ -1,6 +1,6 @@
 """The licences of what `make setup-dev` installs: ``make licences`` writes build/licences.md.
 
-Names are those of the lock files, licences those of the installed packages' metadata.
+Names come from the lock files, licences from the metadata of the installed packages.
 """
 
 import re

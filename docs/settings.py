@@ -10,7 +10,7 @@ from imuloop.config_model import Config
 REPOSITORY = Path(__file__).resolve().parents[1]
 SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
 TABLE = REPOSITORY / "docs/settings.md"
-# keys of all logs of a device: as those of a session
+# keys of all logs of a device: as for a session
 SHARED = ("format", "rate", "columns", "units")
 HEAD = """# Keys of a config
 
@@ -28,7 +28,7 @@ def schema():
 
 
 def _plain(node):
-    """Return a schema without titles, which are the keys again, and defaults that are none."""
+    """Return a schema without titles, which are the keys again, and without defaults of None."""
     if isinstance(node, list):
         return [_plain(each) for each in node]
     if not isinstance(node, dict):

@@ -1,4 +1,4 @@
-"""A simulated device beside a reference: its files, and what the diagnosis makes of them."""
+"""A simulated device with a reference: its files, and their diagnosis."""
 
 import json
 from types import SimpleNamespace
@@ -26,13 +26,13 @@ _NOISE = {c: WHITE["accelerometer" if c[0] == "a" else "gyroscope"] for c in CHA
 NOISE = SimpleNamespace(
     axes={c: SimpleNamespace(N=SimpleNamespace(square=n**2)) for c, n in _NOISE.items()}
 )
-# nothing is known of the device but its data sheet
+# the device has a data sheet and no calibration
 NOMINAL = Calibration(
     "d", 9.80665, *(SensorCalibration.nominal(RawUnit(u, 1.0, 0.0), None) for u in ("SI", "SI"))
 )
 
 
-def written(folder, name, pair):
+def write_pair(folder, name, pair):
     """Return the paths of a log and of its reference, columns each, which are written."""
     paths = [folder / f"{name}_{role}.parquet" for role in ("log", "reference")]
     for path, columns in zip(paths, pair, strict=True):
@@ -40,7 +40,7 @@ def written(folder, name, pair):
     return paths
 
 
-def ingested(folder, name, paths, reference=DECLARED, **more):
+def ingest_session(folder, name, paths, reference=DECLARED, **more):
     """Return paths of samples and quality of a session, by the keys of `ingest`."""
     results = {f"{k}_path": folder / f"{name}.{k}" for k in ("samples", "quality")}
     session = {"device": "d", "session": name, "kind": "reference_motion", "paths": paths}
@@ -49,17 +49,17 @@ def ingested(folder, name, paths, reference=DECLARED, **more):
     return results
 
 
-def diagnosed(folder, truth, seed, sessions=1, change=lambda columns: columns):
-    """Return the diagnosis of a device beside a reference, by sensor, and the table of windows.
+def diagnose_session(folder, truth, seed, sessions=1, change=lambda columns: columns):
+    """Return the diagnosis of a device with a reference, by sensor, and the table of windows.
 
     `change` takes the columns of the reference, and harms them.
     """
     made = {}
     for name, k in ((f"hand_{k}", k) for k in range(sessions)):
         log, reference = simulate_beside(truth, [seed, k])
-        paths = written(folder, name, (log, change(reference)))
+        paths = write_pair(folder, name, (log, change(reference)))
         sources = dict(zip(("log", "reference"), ({"path": p.name} for p in paths), strict=True))
-        results = ingested(folder, name, paths, sources=sources)
+        results = ingest_session(folder, name, paths, sources=sources)
         assert json.loads(results["quality_path"].read_text())["status"] == "ok"
         made[name] = {"kind": "reference_motion", "samples": results["samples_path"]}
     how = NOISE, truth.gravity, DiagnoseSettings(), 20, NOMINAL
@@ -68,6 +68,6 @@ def diagnosed(folder, truth, seed, sessions=1, change=lambda columns: columns):
 
 
 def pulls(found, truth):
-    """Return how far parameters are from the truth, in standard errors."""
+    """Return the errors of parameters, in their standard errors."""
     value, std = (np.array([*found[key].values()]) for key in ("parameters", "std"))
     return (value - truth) / std

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
-# the same examples in every run; a shared machine's speed is no property of the code
+# the same examples in every run; the speed of a shared machine is not a property of the code
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
@@ -47,7 +47,7 @@ class Recordings:
     """Measured recordings of others by file name; a skip says which one is missing.
 
     Anywhere below the folder that IMULOOP_MIRROR names, or else where a run of
-    ``config/measured.yaml`` leaves what it fetched.
+    ``config/measured.yaml`` leaves the files that it fetched.
     """
 
     def __init__(self):
@@ -68,10 +68,10 @@ def recordings():
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
-    from quick import DRAW, blank
+def blank_figures(monkeypatch):
+    from quick import DRAW, write_blank
 
-    monkeypatch.setattr(DRAW, blank)
+    monkeypatch.setattr(DRAW, write_blank)
 
 
 @pytest.fixture

@@ -5,5 +5,5 @@ SOUND = "kind: multi_position, file: poses.csv"
 
 
 def session(text, device=""):
-    """Return a config with one session; `text` is its keys, `device` keys beside."""
+    """Return a config with one session; `text` is its keys, `device` further keys of the device."""
     return f"devices: {{imu: {{{device} sessions: {{a: {{{text}}}}}}}}}"

@@ -8,7 +8,7 @@ from imuloop.core.samples import TIME
 def lose(log, share, rng, lengths=(1,)):
     """Return a log without some of its samples, lost anywhere; the first and last one stay.
 
-    `share` is that of the samples that are lost, less where losses fall together, in stretches of
+    `share` is the share of samples that are lost, less where losses fall together, in stretches of
     one or the other of the `lengths`.
     """
     keep = np.ones(len(log), dtype=bool)

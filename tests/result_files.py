@@ -15,7 +15,7 @@ ALSO = dict.fromkeys(("six_position", "multi_position"), "calibration")
 
 
 def fault(path):
-    """Return what is wrong with a JSON file of results, ``results/<device>/….json``, or None."""
+    """Return the fault of a JSON file of results, ``results/<device>/….json``, or None."""
     try:
         content = json.loads(path.read_text(), parse_constant=_no_number)
     except ValueError as error:

@@ -9,6 +9,6 @@ def seeds(few, many):
     return pytest.mark.parametrize("seeds", [few, pytest.param(many, marks=pytest.mark.study)])
 
 
-def least(number, share, chance):
-    """Return how many of a number happen at least, but for a chance, if each does by a share."""
+def least_count(number, share, chance):
+    """Return the least count of `number` events of probability `share`, but for a `chance`."""
     return binom.ppf(chance, number, share)

@@ -1,4 +1,4 @@
-"""A device moved by hand beside motion capture: both logs, with a known truth."""
+"""A device moved by hand in motion capture: both logs, with a known truth."""
 
 from dataclasses import dataclass, field
 
@@ -19,10 +19,10 @@ WHITE = {"gyroscope": 1e-4, "accelerometer": 1e-3}
 
 @dataclass(frozen=True)
 class Beside:
-    """What a device has that its data sheet does not say, and how good its reference is; SI.
+    """Errors of a device that its data sheet does not state, and the quality of its reference; SI.
 
     `dt`, by sensor, and `drift` are time_offset and clock_drift, `arm` is from marker to sensor,
-    T, K and b those of both sensors; a b that is not given is drawn.
+    T, K and b belong to both sensors; a b that is not given is drawn.
     """
 
     duration_s: float = 120.0
@@ -37,7 +37,7 @@ class Beside:
     lost: float = 0.03
     swapped: float = 0.005
     clock: tuple = (0.0, 0.0)  # s, and s per s, by which the reference's stamps are too late
-    rests: int = 0  # beside the first, of `REST` s, evenly spread
+    rests: int = 0  # besides the first, of `REST` s, evenly spread
     gravity: float = 9.80665
 
 
@@ -50,7 +50,7 @@ def _wander(rng, t, size):
 
 
 def _after(t, when):
-    """Return what goes from 0 to 1 about an instant, s, in some tenths of a second."""
+    """Return a smooth step from 0 to 1 about an instant, s, in some tenths of a second."""
     return 1 / (1 + np.exp(-np.clip((t - when) / 0.3, -50, 50)))
 
 

@@ -1,4 +1,4 @@
-"""A device through the whole chain: what came out, and what is wrong with it."""
+"""A device through the whole chain: its results, and their faults."""
 
 import json
 import logging
@@ -27,7 +27,7 @@ FILES += ["exports/README.txt"]
 # columns in which a value may be missing
 MAY_LACK = re.compile(r"temperature.*|t_logged|(gravity_norm|pose_rate|rotation|velocity|knock)_.*")
 NO_NUMBER = re.compile(r"(?<![\w.-])-?(nan|inf|infinity|none|null)(?![\w-])", re.IGNORECASE)
-# as in a sentence, or in what a config is to say
+# as in a sentence, or in an entry of a config
 WORDS = re.compile(r"\bnone\b|\bNone\b|\{time: null\}")
 VOID = {"meta", "br", "link", "img", "input", "hr", "wbr"}
 TEXTS = {"td", "th", "text", "li", "p", "figcaption"}
@@ -36,8 +36,8 @@ TEXTS = {"td", "th", "text", "li", "p", "figcaption"}
 def judge(entry, results):
     """Run the chain on a device as a config has it; return its faults, a line each.
 
-    What the check of its config says is no fault, and a rejected session is none; an exception of
-    a stage is one.
+    Messages of the config's check are not faults, nor is a rejected session; an exception of a
+    stage is one.
     """
     config = {"devices": {DEVICE: entry}}
     results.mkdir(parents=True)
@@ -63,7 +63,7 @@ def judge(entry, results):
 
 
 def origin(error):
-    """Return where an error comes from and what it says, on a line."""
+    """Return the place and the text of an error, on a line."""
     frames = traceback.extract_tb(error.__traceback__)
     last = [f for f in frames if "imuloop" in f.filename][-1:] or frames[-1:]
     where = " ".join(f"{'/'.join(Path(f.filename).parts[-2:])}:{f.lineno}" for f in last)
@@ -71,7 +71,7 @@ def origin(error):
 
 
 def read(path):
-    """Yield what is wrong with a result file."""
+    """Yield the faults of a result file."""
     if not path.is_file():
         yield "missing"
     elif path.suffix == ".json":
@@ -95,7 +95,7 @@ def read(path):
 
 
 class Page(HTMLParser):
-    """Elements of a page with attributes and text, and what is wrong with them and its words."""
+    """Elements of a page with attributes and text, and faults in them and in its words."""
 
     def __init__(self, text):
         super().__init__()

@@ -115,18 +115,18 @@ def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration
     assert second.startswith("gyroscope: unexplained (") and "diagnosis.json" in second
 
 
-def renamed(ending):
+def rename_to(ending):
     return lambda path: path.rename(path.with_name(f"other{ending}"))
 
 
-def packed(path):
+def pack(path):
     other = path.with_name("packed.csv.gz")
     other.write_bytes(gzip.compress(path.read_bytes()))
     return other
 
 
 def by_pandas(ending, cut=None):
-    """Return what reads a table with pandas, leaves out rows and writes it again."""
+    """Return a function that reads a table with pandas, leaves out rows and writes it again."""
 
     def written(path):
         read = pd.read_csv if path.suffix == ".csv" else pd.read_parquet
@@ -142,18 +142,18 @@ def by_pandas(ending, cut=None):
     ("ending", "treated"),
     [
         *((ending, lambda path: path) for ending in (".csv", ".parquet")),
-        *((".csv", renamed(ending)) for ending in (".txt", ".dat", "")),
-        *((".parquet", renamed(ending)) for ending in (".pq", ".csv", "")),
-        (".csv", packed),
+        *((".csv", rename_to(ending)) for ending in (".txt", ".dat", "")),
+        *((".parquet", rename_to(ending)) for ending in (".pq", ".csv", "")),
+        (".csv", pack),
         (".csv", by_pandas(".csv", slice(50, 250))),
         (".csv", by_pandas(".parquet")),
         (".parquet", by_pandas(".parquet", slice(50, 250))),
     ],
 )
 def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated):
-    """What `apply` wrote is refused, by every way in, whatever it is called and in both formats.
+    """A log that `apply` wrote is refused, by every way in, by any name and in both formats.
 
-    Protects the mark in what is written and each reader's look at it: without them a second run
+    Protects the mark in the written log and each reader's look at it: without them a second run
     corrects the bias again, with exit status 0.
     """
     rng = np.random.default_rng(0)

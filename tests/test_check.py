@@ -1,4 +1,4 @@
-"""``imuloop check``: a drift is named and updated, what did not move is no drift."""
+"""``imuloop check``: a drift is named and updated, other parameters do not count as drift."""
 
 import json
 import re
@@ -14,7 +14,7 @@ from imuloop.__main__ import main
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.model.sensor_calibration import SensorCalibration
-from quick import hurried
+from quick import hurry
 from test_command_line import one_line_error
 
 
@@ -178,7 +178,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
         log = log.copy()
         log["t"] *= 1e3
         log[list(ACCELERATION)] /= 9.80665
-        # what the usual names would be taken for
+        # columns that have the usual names
         return log.rename(columns=names).assign(ax=0.0, ay=0.0, az=0.0)
 
     logs = [pd.read_csv(device / f"{k}.csv") for k in (1, 2)]
@@ -187,7 +187,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     columns = {"time": "stamp", "acceleration": ["fx", "fy", "fz"], "angular_rate": ["p", "q", "r"]}
     units = {"time": "ms", "acceleration": "g", "angular_rate": "rad/s"}
     how = {"columns": columns, "units": units, "folder": tmp_path / "own", "progress": False}
-    with hurried("device"):
+    with hurry("device"):
         result = imuloop.calibrate(tmp_path / "0.csv", **how)
     assert result.calibration.log == {"columns": columns, "units": units}
     path, out = tmp_path / "own/calibration.json", tmp_path / "out.parquet"
@@ -195,7 +195,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     expected = result.calibration.apply(imuloop.read(device / "2.csv"))
     got = pd.read_parquet(out)
     np.testing.assert_allclose(got[["t", *CHANNELS]], expected[["t", *CHANNELS]], atol=1e-9)
-    # as with options, whatever it finds
+    # as with options, drift or none
     options = [f"{q}={c if q == 'time' else ','.join(c)}" for q, c in columns.items()]
     options = ["--time-unit", "ms", "--acceleration-unit", "g", "--columns", *options]
     capsys.readouterr()
@@ -204,7 +204,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
         status = main(["check", str(path), str(tmp_path / "1.csv"), *more])
         found[more and "options"] = status, capsys.readouterr().out
     assert found[()] == found["options"] and "accelerometer: no drift" in found[()][1]
-    # another layout is read as before, and what is said goes first
+    # another layout is read as before, and declarations go first
     (logs[1] / ([1] + 3 * [9.80665] + 3 * [1])).to_csv(tmp_path / "usual.csv", index=False)
     own(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
     for name, *more in (["usual.csv"], ["said.csv", "--columns", "angular_rate=wx,q,r"]):

@@ -30,7 +30,7 @@ FILES = {
     "lib/other/e.py": "import imuloop.stage.a\n\ne = 1\n",
     "stage.py": '"""A script."""\nfrom imuloop.chain import stage\n\nstage(1)\n',
 }
-# what is appended to a file, or a new one
+# text that is appended to a file, or a new file
 SAME = [
     ("lib/stage/b.py", "# a comment\n\n"),
     # what chain.py imports is of its other stages
@@ -80,7 +80,7 @@ def test_the_text_of_a_docstring_does_not_count(digest):
 
 
 def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch):
-    """Protects: results of an older numpy are not kept beside those of a newer one."""
+    """Protects: results of an older numpy are not kept with results of a newer one."""
     before, version = digest(), module._version
     for name in ("scipy", "numpy"):
         updated = {name: "0.0.1"}

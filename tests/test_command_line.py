@@ -82,7 +82,7 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
 
 
-def linked(path):
+def link_to(path):
     other = path.with_name(f"link_{path.name}")
     other.symlink_to(path)
     return other
@@ -103,7 +103,7 @@ def log(device, tmp_path):
     return folder / "1.csv"
 
 
-def refused(arguments, folder, capsys):
+def refusal_line(arguments, folder, capsys):
     """Return the line with which a command that would destroy an input ends; all is as before."""
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     message = one_line_error(arguments, capsys)
@@ -113,7 +113,7 @@ def refused(arguments, folder, capsys):
 
 
 @pytest.mark.parametrize(
-    "another_name", [lambda path: path.parent / "." / ".." / "in" / path.name, linked, linked_hard]
+    "another_name", [lambda path: path.parent / "." / ".." / "in" / path.name, link_to, linked_hard]
 )
 def test_no_command_writes_onto_what_it_reads(log, capsys, another_name):
     calibration, made = log.with_name("calibration.json"), log.with_name("made.csv")
@@ -125,7 +125,7 @@ def test_no_command_writes_onto_what_it_reads(log, capsys, another_name):
         (["check", calibration, log, "--json"], another_name(log.with_name("noise.json"))),
         (["report", log, "-o"], onto),
     ):
-        refused([*command, target], log.parent, capsys)
+        refusal_line([*command, target], log.parent, capsys)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_report_keeps_nothing_where_its_log_lies(log, tmp_path, capsys, place, w
             log = log.rename(inside)
         else:
             inside.hardlink_to(log)
-    refused(["report", log, "-o", tmp_path / "r.html", "--keep", keep], tmp_path, capsys)
+    refusal_line(["report", log, "-o", tmp_path / "r.html", "--keep", keep], tmp_path, capsys)
 
 
 @pytest.mark.parametrize("name", ["figures", "exports"])
@@ -315,7 +315,7 @@ def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
 
 
 def test_a_log_that_is_rejected_ends_every_command_with_1(device, tmp_path, capsys):
-    """One line with the cause; of a calibration, what the other logs give is written."""
+    """One line with the cause; a calibration by the other logs is written."""
     bad, out = tmp_path / "bad.csv", tmp_path / "out"
     rows = "\n".join(f"{k / 100},0,0,9.8,0,0,0" for k in range(20))
     bad.write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
@@ -362,7 +362,7 @@ def test_a_prior_is_a_file(device, tmp_path, capsys):
     wrong = kept / "noise.json"
     line = one_line_error([*command, wrong], capsys).strip()
     assert line == f"imuloop: --prior {wrong}: neither a calibration.json nor a family.json"
-    refused(["calibrate", log, "-o", kept, "--prior", file], kept, capsys)
+    refusal_line(["calibrate", log, "-o", kept, "--prior", file], kept, capsys)
 
 
 def test_the_gravity_that_was_used_is_printed(device, tmp_path, capsys):

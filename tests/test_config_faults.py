@@ -25,7 +25,7 @@ def test_shipped_configs_have_no_fault(repository, name, monkeypatch):
     assert config_faults(yaml.safe_load(path.read_text()), {name: path}, replicas) == []
 
 
-# what is declared and, below it, its fault: of a session, beside a file where none is named; of a
+# declarations and, below each, its fault: for a session, with a file where none is named; for a
 # device
 SESSION = """
     units: {time: sec}

@@ -1,4 +1,4 @@
-"""Keys of a config: what is made from their models is current, and the models fit the library."""
+"""Keys of a config: files made from their models are current, and the models fit the library."""
 
 import runpy
 

@@ -1,4 +1,4 @@
-"""What the text of a config may be: files that are none, numbers and names that none can hold."""
+"""Texts that are not a config, and numbers and names that a config cannot hold."""
 
 import pytest
 
@@ -33,7 +33,7 @@ def test_a_file_that_is_no_config_has_one_line(tmp_path, monkeypatch, content, l
 @pytest.mark.parametrize("name", ["true", "~"])
 def test_a_name_that_yaml_takes_for_none(faults, name):
     lines = faults(f"devices: {{{name}: {{sessions: {{a: {{{SOUND}}}}}}}}}")
-    assert f"devices.{name}: '{name}' is no text to YAML; write it in quotes" in lines
+    assert f"devices.{name}: '{name}' is not text to YAML; write it in quotes" in lines
 
 
 def test_names_end_where_they_end(faults):

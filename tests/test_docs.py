@@ -1,4 +1,4 @@
-"""Documents: what they link to exists, what they show works, no key of the config is left out."""
+"""Documents: their links exist, their examples work, and they have every key of the config."""
 
 import importlib
 import json
@@ -28,15 +28,15 @@ from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
-from quick import hurried
-from workflow.run import forked
+from quick import hurry
+from workflow.run import run_fork
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
     *(REPOSITORY / name for name in ("README.md", "CHANGELOG.md", "data/README.md")),
     *sorted(REPOSITORY.glob("docs/*.md")),
 ]
-# what a path in a document may be relative to
+# folders that a path in a document may be relative to
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
 MADE = ("build/", "results/", "data/simulated", "data/cache", ".venv")
@@ -73,7 +73,7 @@ def test_links_lead_somewhere(document):
     for target in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
         if target.startswith("https://"):
             continue
-        # what the page of the repository has beside the files
+        # pages of the repository other than its files
         workflow = re.fullmatch(r"../../actions/workflows/([\w.]+)(/badge.svg)?", target)
         if workflow:
             target = f".github/workflows/{workflow[1]}"
@@ -81,7 +81,7 @@ def test_links_lead_somewhere(document):
         there = (document.parent / path).resolve() if path else document
         assert there.exists(), target
         assert not anchor or anchor in anchors(there), target
-    # pictures say what they show
+    # pictures have a text about them
     for alt in re.findall(r"!\[([^]]*)\]\((?!\S+/badge.svg)", document.read_text()):
         assert len(alt.split()) > 8, alt
 
@@ -165,7 +165,7 @@ def results(tmp_path, monkeypatch):
     return samples
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
 )
@@ -174,7 +174,7 @@ def test_python_runs(results, monkeypatch, block):
     monkeypatch.setattr(Effect, "library", dict(Effect.library))
     block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')
     names = {}
-    with hurried("my_imu"):
+    with hurry("my_imu"):
         exec(compile(block, "document", "exec"), names)
     if "calibrated" in names:
         found = (results - names["calibrated"])[list(CHANNELS)]
@@ -191,7 +191,7 @@ def commands():
     return sorted({line for line in lines if line and not line.startswith(("#", ".venv-cluster"))})
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize("command", commands())
 def test_commands_work(results, tmp_path, command):
     words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
@@ -200,14 +200,14 @@ def test_commands_work(results, tmp_path, command):
         targets = re.findall(r"^([\w-]+):", (REPOSITORY / "Makefile").read_text(), re.M)
         assert set(arguments) <= set(targets)
     elif Path(tool).name == "imuloop":
-        # a drift that was found, or a log that ended early, is no error
+        # a drift that was found, or a log that ended early, is not an error
         assert main(arguments) in ((0, 3) if arguments[0] in ("check", "coach") else (0,))
     elif tool.endswith("snakemake") and "CONFIG" in arguments:
         config = tmp_path / "mine.yaml"
         config.write_text(RESTING)
         places = {"REPO/Snakefile": REPOSITORY / "Snakefile", "WORKDIR": tmp_path, "CONFIG": config}
         arguments = [str(places.get(word, word)) for word in arguments]
-        run = forked([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
+        run = run_fork([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
         assert run.returncode == 0, run.stderr
     elif tool.endswith("snakemake") or tool == "sbatch":
         # other tests check the configs of the repository, and run the script on a SLURM
@@ -221,7 +221,7 @@ def test_commands_work(results, tmp_path, command):
 def test_set_up_installs_the_command():
     command = Path(sys.executable).with_name("imuloop")
     if not command.exists():
-        pytest.skip("this Python has no imuloop beside it: make setup")
+        pytest.skip("the folder of this Python has no imuloop: make setup")
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == f"imuloop {imuloop.__version__}\n"
 
@@ -284,7 +284,7 @@ def test_the_reference_holds_what_users_and_effects_are_called():
         assert f"\n### {name}\n" in page, name
     for name, effect in Effect.library.items():
         assert f"\n### {name}\n" in page and effect.equation in page
-    # what a function does is seen from its first line
+    # the first line says the purpose of a function
     for module, of in made["modules"]().items():
         for name, thing in made["defined"](of).items():
             assert made["first_line"](thing).endswith("."), f"{module}.{name}"

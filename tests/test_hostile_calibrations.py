@@ -27,16 +27,16 @@ def device(tmp_path_factory):
     made = calibrated_device(folder, 16, 10.0, 1)
     log = pd.read_csv(folder / "1.csv")
     log.assign(temperature=20.0 + 0.01 * log["t"]).to_csv(folder / "log.csv", index=False)
-    effects = (fitted("warm_up", tau=100.0), fitted("bias_temperature"))
+    effects = (effect_of("warm_up", tau=100.0), effect_of("bias_temperature"))
     replace(
         made,
         accelerometer=replace(made.accelerometer, effects=effects),
-        gyroscope=replace(made.gyroscope, effects=(fitted("g_sensitivity"),)),
+        gyroscope=replace(made.gyroscope, effects=(effect_of("g_sensitivity"),)),
     ).to_json(folder / "calibration.json")
     return folder
 
 
-def fitted(name, **constants):
+def effect_of(name, **constants):
     effect = find_effect(name)(**constants)
     values = dict.fromkeys(effect.parameters, 1e-5)
     return FittedEffect(effect, values, dict.fromkeys(values, 1e-6))
@@ -66,11 +66,11 @@ def every(*changes):
 
 
 def matrix(function):
-    """Return what changes the gyroscope's covariance as an array."""
+    """Return a function that changes the gyroscope's covariance as an array."""
     return put("gyroscope.covariance.matrix", lambda rows: function(np.array(rows)).tolist())
 
 
-def one(i, j, value):
+def set_element(i, j, value):
     def change(C):
         C[i, j] = value
         return C
@@ -83,7 +83,7 @@ TEMPERATURE, WARM = f"{A}.effects.1", f"{A}.effects.0"
 NO_PATTERN = {"name": "lever_arm", "parameters": {f"r{i}{j}": 0.0 for i in "xyz" for j in "xyz"}}
 SINGULAR = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
-# what has to be refused
+# changes of a calibration that have to be refused
 WRONG = {
     **{f"no {key}": put(key, MISSING) for key in ("format", "device", "gravity", A, G)},
     **{f"no {key}": put(f"{A}.{key}", MISSING) for key in SENSOR_KEYS},
@@ -100,12 +100,12 @@ WRONG = {
     "K a thousandfold": put(f"{A}.K.1", 1000.0),
     "b NaN": put(f"{G}.b.0", float("nan")),
     "matrix not symmetric": matrix(lambda C: C + np.triu(C, 1)),
-    "matrix with a negative variance": matrix(one(4, 4, -1e-9)),
+    "matrix with a negative variance": matrix(set_element(4, 4, -1e-9)),
     "matrix of correlations above one": matrix(
         lambda C: np.diag(np.diag(C)) * 3 - 2 * np.sqrt(np.outer(np.diag(C), np.diag(C)))
     ),
     "effect unknown": put(f"{WARM}.name", "magic"),
-    "effect of the other sensor": put(f"{G}.effects.0", fitted("quadratic").to_dict()),
+    "effect of the other sensor": put(f"{G}.effects.0", effect_of("quadratic").to_dict()),
     "effect without pattern": put(f"{A}.effects", [NO_PATTERN]),
     "effect twice": put(f"{A}.effects", lambda effects: effects + effects[:1]),
     "effect tau negative": put(f"{WARM}.constants.tau", -100.0),
@@ -116,12 +116,12 @@ ODD = {
     "counts of a huge scale": every(
         put(f"{A}.raw_unit", "count"), put(f"{A}.raw_scale", 1e300), put(f"{A}.K", [1e300] * 3)
     ),
-    "one covariance 1e300": matrix(lambda C: one(3, 2, 1e300)(one(2, 3, 1e300)(C))),
+    "one covariance 1e300": matrix(lambda C: set_element(3, 2, 1e300)(set_element(2, 3, 1e300)(C))),
     "effect 1e300": put(f"{WARM}.parameters.Ax", 1e300),
     "T oblique": put(f"{G}.T.0.1", 2.0),
 }
 TEXT = b'{"format": 1, "device": "d", "gravity": 9.8, '
-# files that are no JSON of a calibration at all
+# files without any JSON of a calibration
 FILES = {
     "empty": b"",
     "no JSON": b"{",
@@ -133,7 +133,7 @@ FILES = {
 
 
 def outcome(arguments, capfd):
-    """Run a command; return its status, after looking at what it says."""
+    """Run a command; return its status, after looking at its output."""
     status = main([str(a) for a in arguments])
     said = capfd.readouterr()
     text = said.out + said.err
@@ -149,7 +149,7 @@ def outcome(arguments, capfd):
 
 
 @pytest.fixture
-def judged(device, tmp_path, capfd):
+def statuses(device, tmp_path, capfd):
     """Run all commands with a calibration; return their statuses."""
 
     def call(path):
@@ -167,11 +167,11 @@ def judged(device, tmp_path, capfd):
     return call
 
 
-def test_the_calibration_is_good(device, judged):
-    assert judged(device / "calibration.json") == (0, 0, 0)
+def test_the_calibration_is_good(device, statuses):
+    assert statuses(device / "calibration.json") == (0, 0, 0)
 
 
-def changed(device, tmp_path, change):
+def write_change(device, tmp_path, change):
     content = json.loads((device / "calibration.json").read_text())
     change(content := copy.deepcopy(content))
     path = tmp_path / "calibration.json"
@@ -180,21 +180,21 @@ def changed(device, tmp_path, change):
 
 
 @pytest.mark.parametrize("change", WRONG.values(), ids=WRONG.keys())
-def test_what_is_no_calibration_is_refused(device, tmp_path, judged, change):
-    assert judged(changed(device, tmp_path, change)) == (1, 1, 1)
+def test_what_is_no_calibration_is_refused(device, tmp_path, statuses, change):
+    assert statuses(write_change(device, tmp_path, change)) == (1, 1, 1)
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("change", ODD.values(), ids=ODD.keys())
-def test_what_is_odd_gives_nothing_that_is_not_finite(device, tmp_path, judged, change):
-    assert {*judged(changed(device, tmp_path, change))} <= {0, 1, 3}
+def test_what_is_odd_gives_nothing_that_is_not_finite(device, tmp_path, statuses, change):
+    assert {*statuses(write_change(device, tmp_path, change))} <= {0, 1, 3}
 
 
 @pytest.mark.parametrize("content", FILES.values(), ids=FILES.keys())
-def test_a_file_that_holds_none_is_refused(tmp_path, judged, content):
+def test_a_file_that_holds_none_is_refused(tmp_path, statuses, content):
     path = tmp_path / "calibration.json"
     path.write_bytes(content)
-    assert judged(path) == (1, 1, 1)
+    assert statuses(path) == (1, 1, 1)
 
 
 @pytest.mark.parametrize(
@@ -202,6 +202,6 @@ def test_a_file_that_holds_none_is_refused(tmp_path, judged, content):
     [Path.mkdir, os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: None],
     ids=["folder", "pipe", "device", "gone"],
 )
-def test_what_is_no_file_is_refused(tmp_path, judged, make):
+def test_what_is_no_file_is_refused(tmp_path, statuses, make):
     make(path := tmp_path / "calibration.json")
-    assert judged(path) == (1, 1, 1)
+    assert statuses(path) == (1, 1, 1)

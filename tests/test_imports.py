@@ -15,7 +15,7 @@ from calibrated import calibrated_device
 
 # the fit of a device, below all that calibrate
 FIT = {"sensors", "model", "factors", "estimate"}
-# what a stage may take from, itself and core left out
+# packages that a stage may import from, itself and core left out
 ARROWS = {
     "core": set(),
     "sensors": set(),
@@ -40,11 +40,11 @@ ARROWS = {
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"yaml": "pyyaml"}
-# what a light installation lacks
+# packages that a light installation lacks
 EXTRAS = "report workflow matlab netcdf ros ulog".split()
 
 
-def imported(path):
+def imports_of(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -63,7 +63,7 @@ def test_arrows_go_one_way(repository, of):
         p for p in library.rglob("*.py") if p.relative_to(library).parts[0] in (of, f"{of}.py")
     ]
     allowed = ARROWS[of] | {of, "core"}
-    names = {(p.name, name) for p in files for name in imported(p) if name.startswith("imuloop")}
+    names = {(p.name, name) for p in files for name in imports_of(p) if name.startswith("imuloop")}
     assert files and not {each for each in names if stage(each[1]) not in allowed}
 
 
@@ -72,7 +72,7 @@ def test_every_package_imported_is_declared(repository):
     needed = {
         name.partition(".")[0]
         for path in (repository / "workflow/lib").rglob("*.py")
-        for name in imported(path)
+        for name in imports_of(path)
     }
     needed -= {"imuloop", *sys.stdlib_module_names}
     needed = {DISTRIBUTIONS.get(name, name).lower() for name in needed}
@@ -118,7 +118,7 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
         for extra in EXTRAS
         for d in optional["optional-dependencies"][extra]
     }
-    # and what has no wheel for each Python and processor
+    # and packages without a wheel for each Python and processor
     command = [sys.executable, "-c", code, tmp_path / "1.csv", *packages, "vqf"]
     path = {"PYTHONPATH": str(repository / "workflow/lib")}
     done = subprocess.run(command, env=path, capture_output=True, text=True)
@@ -147,7 +147,7 @@ def test_who_reads_a_calibration_has_the_library_of_effects(repository):
     assert done.returncode == 0, done.stderr
 
 
-# of Windows: what it lacks is taken away before a process begins, that of a reader too
+# as on Windows: modules that it lacks are removed before a process begins, a reader's too
 ELSEWHERE = """if True:
     import os, signal, sys
     sys.modules |= dict.fromkeys("fcntl grp pwd resource termios".split())
@@ -173,7 +173,7 @@ def test_a_device_is_calibrated_without_what_windows_lacks(repository, tmp_path)
         assert main(["info", "torn.mat"]) == 1
     """
     path = f"{tmp_path}{os.pathsep}{repository / 'workflow/lib'}"
-    # a file is read as what it was written, whatever the machine's encoding
+    # a file is read in the encoding in which it was written, with any encoding of the machine
     command = [sys.executable, "-X", "utf8=0", "-c", code]
     environment = {"PYTHONPATH": path, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
     done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Logs in memory: arrays and tables of every form, and warnings of what is in them."""
+"""Logs in memory: arrays and tables of every form, and warnings about their values."""
 
 import warnings
 
@@ -25,21 +25,21 @@ def table(t, f, w):
     return pd.DataFrame(np.column_stack([t, f, w]), columns=["t", *FORCE, *TURN])
 
 
-def frozen(values):
+def freeze(values):
     values = values.copy()
     values.flags.writeable = False
     return values
 
 
 NUMBERED = {"columns": {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}}
-# a log of arrays in another form, and what is declared of it
+# a log of arrays in another form, and its declarations
 FORMS = {
     "lists": lambda t, f, w: ((t.tolist(), f.tolist(), w.tolist()), {}),
     "float32": lambda t, f, w: ((t, f.astype("f4"), w.astype("f4")), {}),
     "long double": lambda t, f, w: ((t, f.astype("g"), w), {}),
     "the other byte order": lambda t, f, w: ((t.astype(">f8"), f.astype(">f8"), w), {}),
     "not contiguous": lambda t, f, w: ((t, np.hstack([f, w])[:, :3], np.asfortranarray(w)), {}),
-    "read only": lambda t, f, w: (tuple(map(frozen, (t, f, w))), {}),
+    "read only": lambda t, f, w: (tuple(map(freeze, (t, f, w))), {}),
     "objects": lambda t, f, w: ((t, f.astype(object), w), {}),
     "whole microseconds": lambda t, f, w: (
         ((1e6 * t).round().astype(int), f, w),

@@ -9,7 +9,7 @@ from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.model.calibration import Calibration
-from quick import hurried
+from quick import hurry
 from segment.logs import adis16405
 
 # s: ten days, and a boot clock that meets GPS time
@@ -23,7 +23,7 @@ def results(samples, jump, folder):
     table.to_parquet(folder / "log.parquet")
     device = Device("imu", folder, {"log": "static"})
     chain.ingest(device, "log", {}, [folder / "log.parquet"])
-    with hurried("imu"):
+    with hurry("imu"):
         chain.run(device)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sensors = read_json(folder / "diagnosis.json")["sensors"]
@@ -37,7 +37,7 @@ def results(samples, jump, folder):
 
 
 @pytest.mark.study
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_what_lies_between_changes_nothing(recordings, tmp_path):
     samples = adis16405(recordings)[:12_000]
     ten_days, gps = (results(samples, jump, tmp_path / f"{jump:g}") for jump in JUMPS)
@@ -46,5 +46,5 @@ def test_what_lies_between_changes_nothing(recordings, tmp_path):
     assert gps[1] == pytest.approx(ten_days[1], rel=1e-4)
     for one, other in zip(gps[2], ten_days[2], strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-7)
-    # a value per second between would be 13 GB; what an allocator keeps varies by 60 MB
+    # a value per second between would be 13 GB; the memory that an allocator keeps varies by 60 MB
     assert gps[3] < 1.5 * ten_days[3]

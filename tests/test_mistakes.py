@@ -27,11 +27,11 @@ def log(tmp_path):
     return path
 
 
-# arguments of imuloop.calibrate, PATH the log, and what the error says
+# arguments of imuloop.calibrate, PATH the log, and text of the error
 IN_PYTHON = {
     "no gyroscope": ((T, F), {}, "angular_rate: none is given"),
     "no log": ((), {}, "no log is given"),
-    "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "is no place: give"),
+    "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "is not a place: give"),
     "gravity as a pair": ((T, F, W), {"gravity": (9, 81)}, "for a place give {'latitude': degrees"),
     "a wrong stage": ((T, F, W), {"settings": {"segmnt": {}}}, "did you mean 'segment'"),
     "a unit": ((T, F, W), {"units": {"acceleration": "ms2"}}, "'ms2' is not a unit"),
@@ -55,7 +55,7 @@ IN_PYTHON = {
     "one array": (
         (np.arange(100),),
         {},
-        "log: an array of shape (100,) is no log; a log is a path",
+        "log: an array of shape (100,) is not a log; a log is a path",
     ),
     "no time": ((), {"acceleration": F, "angular_rate": W}, "t: none is given"),
     "ragged rows": ((T, [[1, 2, 3], [1]], W), {}, "acceleration: its rows differ in length"),
@@ -116,7 +116,7 @@ def test_what_is_read_and_applied_by_mistake(log):
 
 ON_THE_COMMAND_LINE = {
     "check LOG CALIBRATION": "LOG: no calibration.json: it comes first, then the log",
-    "calibrate LOG --gravity 45.4 -o OUT": "45.4 is no local gravity in m/s^2, 0.1 to 25",
+    "calibrate LOG --gravity 45.4 -o OUT": "45.4 is not a local gravity in m/s^2, 0.1 to 25",
     "calibrate LOG --gravity 9,81 -o OUT": "9,81 is not a number: 9.81 m/s^2, or --latitude 9?",
     "coach LOG --latitude 45": "--latitude alone gives no gravity: --latitude and --height do",
     "calibrate LOG --gravity 9.8 --height 12 -o OUT": "--gravity and --height: give the size",

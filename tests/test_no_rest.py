@@ -1,4 +1,4 @@
-"""Logs in motion: the noise is that of the rests, and a log without a rest has none."""
+"""Logs in motion: the rests give the noise, and a log without a rest gives no noise."""
 
 import numpy as np
 import pandas as pd
@@ -9,7 +9,7 @@ from imuloop.__main__ import main
 from imuloop.core.files import read_json
 from imuloop.core.rotation import exponential, matrix, prefix_product
 from imuloop.core.samples import SENSORS
-from quick import hurried
+from quick import hurry
 from test_command_line import one_line_error
 
 RATE = 100.0
@@ -32,7 +32,7 @@ def band(rng, n, low, high, size):
     return size * x / x.std(axis=0)
 
 
-def moving(motion, seed, seconds=60.0, rests=()):
+def moving_log(motion, seed, seconds=60.0, rests=()):
     """Return the log of a device that moves, but for rests from one time to another, s."""
     rng, n = np.random.default_rng([seed, len(motion)]), round(seconds * RATE)
     t = np.arange(n) / RATE
@@ -53,7 +53,7 @@ def moving(motion, seed, seconds=60.0, rests=()):
 
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, tmp_path, capsys):
-    moving(motion, 1).to_csv(tmp_path / "log.csv", index=False)
+    moving_log(motion, 1).to_csv(tmp_path / "log.csv", index=False)
     line = one_line_error(["noise", tmp_path / "log.csv", "-o", tmp_path / "out"], capsys)
     assert "no session holds a rest" in line
     assert not (tmp_path / "out").exists()
@@ -61,15 +61,15 @@ def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, tmp_path, capsys)
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_one_sensor_without_a_rest_has_no_noise(sensor, tmp_path, capsys):
-    moving("flight", 3)[["t", *SENSORS[sensor]]].to_csv(tmp_path / "log.csv", index=False)
+    moving_log("flight", 3)[["t", *SENSORS[sensor]]].to_csv(tmp_path / "log.csv", index=False)
     assert "no session holds a rest" in one_line_error(["noise", tmp_path / "log.csv"], capsys)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_reason_stands_where_the_numbers_would_be(tmp_path):
-    moving("flight", 4).to_csv(tmp_path / "log.csv", index=False)
+    moving_log("flight", 4).to_csv(tmp_path / "log.csv", index=False)
     how = {"folder": tmp_path / "out", "progress": False}
-    with hurried("device"):
+    with hurry("device"):
         found = imuloop.calibrate([], static=tmp_path / "log.csv", **how)
     assert all(axis.N.size is None for axis in found.noise.values())
     notes = read_json(tmp_path / "out/noise.json")["notes"]
@@ -86,8 +86,8 @@ def test_the_reason_stands_where_the_numbers_would_be(tmp_path):
     ],
     ids=["before a flight", "in a walk"],
 )
-def test_the_rests_of_a_moving_log_give_its_noise(motion, rests, tmp_path, undrawn):
-    moving(motion, 5, rests=rests).to_csv(tmp_path / "log.csv", index=False)
+def test_the_rests_of_a_moving_log_give_its_noise(motion, rests, tmp_path, blank_figures):
+    moving_log(motion, 5, rests=rests).to_csv(tmp_path / "log.csv", index=False)
     assert main(["noise", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out")]) == 0
     axes = read_json(tmp_path / "out/noise.json")["axes"]
     for sensor, names in SENSORS.items():

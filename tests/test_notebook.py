@@ -1,4 +1,4 @@
-"""The notebook runs, and gives what is stored in it."""
+"""The notebook runs, and gives the output that is stored in it."""
 
 import json
 import re
@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from notebook import code_cells, run, text
-from quick import hurried
+from quick import hurry
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?"
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_the_notebook_gives_what_is_stored_in_it(repository):
     stored = json.loads((repository / "docs/using.ipynb").read_text())
-    with hurried("device"):
+    with hurry("device"):
         found = run(stored)
     for cell, outputs in zip(code_cells(stored), found, strict=True):
         kinds = [out["output_type"] for out in cell["outputs"]]

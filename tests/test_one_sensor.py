@@ -1,4 +1,4 @@
-"""Logs of one sensor: what it can show is found, the rest is not testable."""
+"""Logs of one sensor: effects that it can show are found, the others are not testable."""
 
 from itertools import pairwise
 
@@ -75,7 +75,7 @@ def test_a_gyroscope_alone_at_rest_has_noise_and_bias():
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_its_noise_comes_with_files_of_this_sensor_alone(sensor, tmp_path, capsys, undrawn):
+def test_its_noise_comes_with_files_of_this_sensor_alone(sensor, tmp_path, capsys, blank_figures):
     log = at_rest(60) if sensor == "gyroscope" else in_many_attitudes(np.ones(3), 0.0)[:3000]
     log.to_csv(tmp_path / "log.csv", index=False)
     assert main(["noise", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out")]) == 0
@@ -97,7 +97,7 @@ def test_its_noise_comes_with_files_of_this_sensor_alone(sensor, tmp_path, capsy
             assert f"{other}_" not in path.read_text()
 
 
-def test_its_report_and_exports_are_of_this_sensor_alone(tmp_path, undrawn):
+def test_its_report_and_exports_are_of_this_sensor_alone(tmp_path, blank_figures):
     with pytest.warns(UserWarning, match="holds no acceleration"):
         found = imuloop.calibrate([], static=at_rest(), folder=tmp_path, progress=False)
     found.report(tmp_path / "report.html")

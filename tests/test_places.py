@@ -13,7 +13,7 @@ from imuloop.core.files import read_json
 from ingest.logs import FORCE, brief
 
 
-def scaled(factor, *columns):
+def scale_columns(factor, *columns):
     def harm(log):
         log[list(columns)] *= factor
         return log
@@ -21,24 +21,24 @@ def scaled(factor, *columns):
     return harm
 
 
-def named(**names):
+def rename_columns(**names):
     return lambda log: log.rename(columns=names)
 
 
-# what was done to a sound log, what is declared, and what the message names in each place
+# change of a sound log, declarations, and the name in the message of each place
 MISTAKES = {
     "no stamps": (
-        *(named(t="u"), {}),
+        *(rename_columns(t="u"), {}),
         ("columns.time, or give rate in Hz", "--columns time=…, or give --rate in Hz"),
         "columns={'time': …}, or give rate in Hz",
     ),
     "stamps in ms": (
-        *(scaled(1e3, "t"), {}),
+        *(scale_columns(1e3, "t"), {}),
         ("declare units.time: ms", "declare --time-unit ms"),
         "declare units={'time': 'ms'}",
     ),
     "no gyroscope": (
-        *(named(gx="u", gy="v", gz="w"), {}),
+        *(rename_columns(gx="u", gy="v", gz="w"), {}),
         (
             "both files where another holds it, file: {acceleration: FILE, angular_rate: FILE}, "
             "or declare columns.angular_rate: null",
@@ -54,7 +54,7 @@ MISTAKES = {
         "units={'time': …}: 'sec' is not a unit",
     ),
     "g taken as m/s^2": (
-        *(scaled(1 / 9.80665, *FORCE), {}),
+        *(scale_columns(1 / 9.80665, *FORCE), {}),
         ("see units.acceleration", "see --acceleration-unit"),
         "see units={'acceleration': …}",
     ),

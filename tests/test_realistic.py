@@ -1,6 +1,6 @@
 """bench/realistic: closed forms of the generator, the plain fit, the judge.
 
-A study is worth what its truth is: each test puts one part of it beside what it must be.
+A study is as good as its truth: each test compares one part of it with the expected value.
 """
 
 import ast
@@ -22,13 +22,13 @@ from bench.realistic.device import (
 )
 from bench.realistic.judge import errors, outcome, pulls
 from bench.realistic.plain import fit, rotation
-from quick import hurried
+from quick import hurry
 
 # a short log of few samples
 FEW = 46
 
 
-def sensed(made):
+def sense(made):
     f, w = (
         np.column_stack([made.columns[n] for n in names]) for names in (CHANNELS[:3], CHANNELS[3:])
     )
@@ -36,7 +36,7 @@ def sensed(made):
 
 
 @pytest.fixture
-def coarse(monkeypatch):
+def coarse_steps(monkeypatch):
     """A motion in steps large enough for a quick test."""
     monkeypatch.setattr(device, "INTERNAL", 400)
 
@@ -69,10 +69,10 @@ def test_rates_integrate_to_the_attitude_and_force_to_the_velocity(parts):
         assert np.abs(motion.angular_rate[still]).max() < 1e-3
 
 
-# what the plain fit is to be beaten by must not come from the plain fit
+# the truth must not come from the plain fit
 def test_plain_fit_of_a_log_without_noise_gives_the_truth():
     made = record(FEW, noise=False)
-    t, f, w = sensed(made)
+    t, f, w = sense(made)
     accelerometer, gyroscope = fit(t, f, w, made.rests)
     for found, true, near in (
         (accelerometer, made.accelerometer, 1e-7),
@@ -102,12 +102,12 @@ def test_judge_measures_the_error_that_is_there():
 @pytest.mark.parametrize(("case", "verdict"), [("settle", "not_testable"), ("clean", "consistent")])
 def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, verdict):
     record(14, case).write(tmp_path / "log.csv")
-    with hurried("imu"):
+    with hurry("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
     poses = result.diagnosis["sensors"]["gyroscope"]["poses"]
     assert poses["verdict"] == verdict
     assert ("the device moved in 1" in poses.get("why", "")) == (case == "settle")
-    # nothing is said of the first half minute at rest: it is no static record
+    # nothing is said of the first half minute at rest: it is not a static record
     still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
     assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
 
@@ -117,7 +117,7 @@ def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, ve
 def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
     made = record(FEW, case)
     made.write(tmp_path / "log.csv")
-    with hurried("imu"):
+    with hurry("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
     found = outcome(made, result)
     assert max(found["ratios"].values()) < (0.5 if case == "faces" else 1.5)
@@ -130,13 +130,13 @@ def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
     assert not [note for note in found["notes"] if "off by as much" in note]
 
 
-def test_what_is_missing_from_the_model_is_in_the_log(coarse):
+def test_what_is_missing_from_the_model_is_in_the_log(coarse_steps):
     clean = record(FEW, noise=False)
-    t, *sensors = sensed(clean)
+    t, *sensors = sense(clean)
     for case in ("temperature", "thermometer_lag", "jump"):
         made = record(FEW, case, noise=False)
         assert clean.effect_free and not made.effect_free
-        for sensor, (a, b) in enumerate(zip(sensed(made)[1:], sensors, strict=True)):
+        for sensor, (a, b) in enumerate(zip(sense(made)[1:], sensors, strict=True)):
             if case == "jump":
                 assert a - b == pytest.approx(made.bias(sensor, t, made.middle), abs=1e-12)
             else:
@@ -150,20 +150,20 @@ def test_what_is_missing_from_the_model_is_in_the_log(coarse):
             assert (np.abs(off).max() > 0.5) == (case == "thermometer_lag")
 
 
-def test_a_case_without_effect_changes_what_it_names_alone(coarse):
+def test_a_case_without_effect_changes_what_it_names_alone(coarse_steps):
     clean = record(FEW)
-    t, f, w = sensed(clean)
+    t, f, w = sense(clean)
     still = at_rest(t, clean.rests)
-    late = sensed(record(FEW, "usb"))
+    late = sense(record(FEW, "usb"))
     assert (late[0] >= t).all() and (np.diff(late[0]) >= 0).all() and np.ptp(late[0] - t) > 0.01
     assert np.array_equal(late[2], w)
-    assert np.abs(sensed(record(FEW, "clipping"))[2]).max() == pytest.approx(np.radians(RAIL))
-    for values in np.hstack(sensed(record(FEW, "quantised"))[1:]).T:
+    assert np.abs(sense(record(FEW, "clipping"))[2]).max() == pytest.approx(np.radians(RAIL))
+    for values in np.hstack(sense(record(FEW, "quantised"))[1:]).T:
         levels = np.unique(values)
         counts = (levels - levels[0]) / np.diff(levels).min()
         assert counts == pytest.approx(np.round(counts), abs=1e-6)
     for case, lower, upper in (("lowpass", 0.3, 0.95), ("tremor", 3, 100), ("fan", 1.005, 100)):
-        spread = [np.std(np.diff(g[still], axis=0)) for g in (sensed(record(FEW, case))[2], w)]
+        spread = [np.std(np.diff(g[still], axis=0)) for g in (sense(record(FEW, case))[2], w)]
         assert lower < spread[0] / spread[1] < upper, case
-    changed = np.any(np.hstack(sensed(record(FEW, "spikes"))[1:]) != np.hstack([f, w]), axis=1)
+    changed = np.any(np.hstack(sense(record(FEW, "spikes"))[1:]) != np.hstack([f, w]), axis=1)
     assert 0 < changed.mean() < 0.01

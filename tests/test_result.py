@@ -17,13 +17,13 @@ import pytest
 from matplotlib.figure import Figure
 
 import imuloop
-from bench.study.chain import through
+from bench.study.chain import run_stages
 from calibrated import calibrated_device
 from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from quick import hurried
+from quick import hurry
 
 FORCE, TURN = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
@@ -42,15 +42,15 @@ def log(path):
 
 @pytest.fixture(scope="module")
 def result(log):
-    with hurried("device"):
+    with hurry("device"):
         return imuloop.calibrate(log["t"], log[FORCE], log[TURN], progress=False)
 
 
 def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     chain.ingest(device, "poses", {}, [path])
-    with hurried("device"):
-        through(device)
+    with hurry("device"):
+        run_stages(device)
     chain.export(device)
     theirs = imuloop.Calibration.from_json(tmp_path / "calibration.json")
     for sensor in ("accelerometer", "gyroscope"):
@@ -89,7 +89,7 @@ def test_a_result_prints_its_parameters(result):
 FILES = re.compile(r"(calibration|noise|diagnosis)\.json|comparison\.csv|README\.txt|imuloop apply")
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
     page = result.report(tmp_path / "report.html").read_text()
     assert page.lower().startswith("<!doctype html>") and "in memory" in page
@@ -107,7 +107,7 @@ def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
         result.plot.nothing()
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_a_report_leads_to_the_files_that_are_kept(result, log, tmp_path, monkeypatch):
     kept = tmp_path / "my results"
     # of the same log the stages have made their files before
@@ -160,7 +160,7 @@ def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
 
 
 def test_names_in_html_are_text(result):
-    """Protects who opens the notebook of somebody else."""
+    """Protects users who open the notebook of another user."""
     hostile = "<script>alert(1)</script>"
     device = replace(result.device, label=hostile)
     named = replace(result.calibration, device=hostile)
@@ -224,7 +224,7 @@ def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):
 
 def test_a_table_of_each_sensor(log, result, tmp_path):
     force, turn = log[["t", *FORCE]], log[["t", *TURN]]
-    with hurried("device"):
+    with hurry("device"):
         two = imuloop.calibrate(acceleration=force, angular_rate=turn, progress=False)
     assert two.calibration.accelerometer.b.tolist() == result.calibration.accelerometer.b.tolist()
     assert list(two.logs.values()) == ["in memory"]
@@ -308,7 +308,7 @@ def test_the_package_says_what_it_has():
 @pytest.mark.parametrize(("factor", "scale"), [(1 / 1.45, "1.4"), (1.35, "0.73")])
 def test_a_scale_that_no_sensor_has_is_not_consistent(log, tmp_path, capsys, factor, scale):
     """Protects users of a log that is off by a factor without a name: its fit is a good one."""
-    with hurried("device"):
+    with hurry("device"):
         force = np.asarray(log[FORCE])
         found = imuloop.calibrate(log["t"], force, factor * log[TURN], progress=False)
     why = f"K of x is {scale}"

@@ -1,4 +1,4 @@
-"""The schemas describe every key, and see what is wrong."""
+"""The schemas describe every key, and find faults."""
 
 import json
 

@@ -20,7 +20,7 @@ from imuloop.segment.settings import SegmentSettings
 
 # white noise, m/s^2/√Hz and rad/s/√Hz
 FORCE_NOISE, RATE_NOISE = 1e-3, 1.7e-4
-# acceleration and angular rate, Hz: slow and fast, nearly alike, fast and slow
+# acceleration and angular rate, Hz: slow and fast, nearly equal, fast and slow
 RATES = [(62.5, 400), (100, 100.3), (400, 50)]
 
 
@@ -28,7 +28,7 @@ def stamps(seconds, rate, start=0.0):
     return start + np.arange(int(seconds * rate)) / rate
 
 
-def noisy(values, density, rate, rng):
+def add_noise(values, density, rate, rng):
     return values + density * np.sqrt(rate) * rng.normal(size=(len(values), 3))
 
 
@@ -74,12 +74,12 @@ def read(tmp_path):
 def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, turn_rate):
     rng = np.random.default_rng(int(force_rate + 2 * turn_rate))
     t_force, t_rate = stamps(150, force_rate), stamps(150, turn_rate, 0.0007)
-    force = noisy(np.tile([0.2, -0.1, 9.78], (len(t_force), 1)), FORCE_NOISE, force_rate, rng)
-    rate = noisy(np.tile([5e-3, -3e-3, 1e-3], (len(t_rate), 1)), RATE_NOISE, turn_rate, rng)
+    force = add_noise(np.tile([0.2, -0.1, 9.78], (len(t_force), 1)), FORCE_NOISE, force_rate, rng)
+    rate = add_noise(np.tile([5e-3, -3e-3, 1e-3], (len(t_rate), 1)), RATE_NOISE, turn_rate, rng)
     path, quality = read(export(t_force, force, t_rate, rate), "static")
     samples = Samples(path)
     segments, _ = segment_session(samples, "static", SegmentSettings())
-    # a log that rests is one rest, whatever the clocks
+    # a log that rests is one rest, for any clocks
     assert segments["kind"].tolist() == ["static"]
     session = RecordedSession("log", "static", samples, segments)
     found = estimate_noise("imu", [session], NoiseSettings())
@@ -116,7 +116,7 @@ def test_specific_force_beside_a_slower_gyroscope_is_that_at_its_stamps(every):
     assert abs(np.mean(found["ax"][1:-1] - (3 - 2 * own[1:-1]))) < (0.011 if every == 2 else 1e-12)
 
 
-def turned(t, rng):
+def turning_device(t, rng):
     """Return specific force and angular rate of a device that is turned from rest to rest."""
     begin, length, rest = 20.0, 1.5, 4.0
     attitude, force = Rotation.identity(), np.zeros((len(t), 3))
@@ -153,10 +153,10 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn
     scale_force, scale_rate = np.array([1.01, 0.99, 1.005]), np.array([0.99, 1.012, 1.004])
     t_force, t_rate = stamps(170, force_rate), stamps(170, turn_rate, 0.0031)
     rng = np.random.default_rng(4)
-    force, _ = turned(t_force, np.random.default_rng(9))
-    _, rate = turned(t_rate, np.random.default_rng(9))
-    force = noisy(force / scale_force + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
-    rate = noisy(rate / scale_rate + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
+    force, _ = turning_device(t_force, np.random.default_rng(9))
+    _, rate = turning_device(t_rate, np.random.default_rng(9))
+    force = add_noise(force / scale_force + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
+    rate = add_noise(rate / scale_rate + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
     device = imuloop.calibrate(export(t_force, force, t_rate, rate))
     made, verdicts = device.calibration, device.diagnosis["sensors"]
     for sensor, scale, limit in (
@@ -164,11 +164,11 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn
         ("gyroscope", scale_rate, 1e-3),
     ):
         own = getattr(made, sensor)
-        # within four of its own errors, and those are small
+        # within four of its standard errors, which are small
         error = np.array([own.std[f"K{k}"] for k in range(3)])
         assert (error < limit).all()
         assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
         assert verdicts[sensor]["poses"]["verdict"] == "consistent"
-        # a slow accelerometer misses what a move does
+        # a slow accelerometer misses parts of a move
         if force_rate < 0.9 * turn_rate:
             assert "slower than the gyroscope" in verdicts[sensor]["motion"]["why"]

@@ -33,7 +33,7 @@ def trial():
 def test_a_known_offset_lowers_the_error(trial):
     before, offset_alone, both, opposite = before_and_after(trial, -LATE)
     assert both < offset_alone < before < opposite
-    # what is left is the filter's own
+    # the remaining error is the filter's
     assert both < 0.2 * before
 
 

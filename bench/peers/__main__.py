@@ -1,4 +1,4 @@
-"""Noise and calibration beside the packages of the registry: `make bench`."""
+"""Noise and calibration, compared with packages of the registry: `make bench`."""
 
 import argparse
 import os
@@ -25,7 +25,7 @@ ENVIRONMENT = {
 
 
 def contend(axes, environment):
-    """Yield contender, its seconds and what it computed, or None and why it failed.
+    """Yield contender, its seconds and its result, or None and the cause of its failure.
 
     Each in its own process, imuloop in this environment, peers in their own.
     """
@@ -61,12 +61,12 @@ def noise(hours, seeds, environment):
                 rows.append((peer, which, f"failed: {failed[peer]}", *"–––"))
             else:
                 found = np.concatenate(errors[peer])
-                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(shown, found.T)))
+                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, found.T)))
     size = f"{len(seeds)} × {hours:g} h, {LOG_RATE:g} Hz, six axes"
     return table((size, "log", "processor time, s", "N", "B", "K"), rows)
 
 
-def shown(errors):
+def median_of(errors):
     """Return the median of relative errors, and of how many it is where some are missing."""
     known = errors[np.isfinite(errors)]
     if not len(known):
@@ -84,14 +84,14 @@ def main():
     options = parser.parse_args()
     devices, logs = ([int(s) for s in each.split(",")] for each in (options.devices, options.seeds))
     text = (
-        "Versions are those of `bench/requirements.txt`. Freed memory stays with each process, "
+        "Versions come from `bench/requirements.txt`. Freed memory stays with each process, "
         "which favours the peers.",
         noise(options.hours, logs, options.environment),
         "Median error of the axes; of time, of the logs. imuloop by the noise and the Allan stage. "
         "allan-variance-analyzer takes the minimum of the curve for B. dedrunk gives no B, and "
         "nothing where it sees no walk; its time includes the reading of a file.",
         calibration(devices, options.environment, ENVIRONMENT),
-        "Whole process, from the file of the log to that of the calibration; median of the "
+        "Whole process, from the file of the log to the file of the calibration; median of the "
         "devices. imuloop also estimates the noise and tests for missing effects. The body axes "
         "of each are turned to the true ones.",
     )

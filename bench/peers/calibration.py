@@ -45,7 +45,7 @@ def by_imuloop(folder, device, environment, _):
 def by_dedrunk(folder, device, environment, programs):
     """Return seconds and the function that corrects specific force and angular rate, SI.
 
-    Kalibr's model: ``a_raw = M a + b`` and ``ω_raw = M C ω + b``, each with a matrix M of its own.
+    Kalibr's model: ``a_raw = M a + b`` and ``ω_raw = M C ω + b``; each sensor has its own M.
     """
     axes = np.array([device.columns[name] for name in CHANNELS])
     write_mcap(folder / "log.mcap", axes[:3], axes[3:], device.columns["t"])

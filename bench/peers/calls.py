@@ -1,7 +1,7 @@
 """Each contender's call on the same data: ``calls NAME FOLDER``, in either environment.
 
 The folder holds `axes.npy`, shape (6, n), SI; imports and a first call on a short part are not
-timed. N, B and K of each axis, shape (6, 3), not-a-number where there is none, go to ``NAME.npy``;
+timed. N, B and K of each axis, shape (6, 3), not-a-number where one is missing, go to ``NAME.npy``;
 printed are seconds of processor time.
 """
 
@@ -98,22 +98,22 @@ NOISE = {
     "allan-variance-analyzer": noise_allan_variance_analyzer,
     "dedrunk-cli": noise_dedrunk,
 }
-# what a call is given in place of the axes, made outside the time; what it does more than once
+# argument of a call in place of the axes, made outside the time; steps that it repeats
 GIVEN = {"noise_imuloop": session_of, "noise_dedrunk": recordings_of}
 TIMES = {"noise_dedrunk": 3}
 
 
-def used():
+def processor_seconds():
     """Return seconds of processor time of the process and those that it has waited for."""
     of = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(each.ru_utime + each.ru_stime for each in of)
 
 
 def seconds(call, *arguments):
-    """Return what a call returns, and its seconds of processor time."""
-    before = used()
+    """Return the result of a call, and its seconds of processor time."""
+    before = processor_seconds()
     values = call(*arguments)
-    return values, used() - before
+    return values, processor_seconds() - before
 
 
 def main():

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.realistic.device import CASES, FEW
-from bench.realistic.judge import SENSORS, alarms, judged
+from bench.realistic.judge import SENSORS, alarms, judge
 from bench.tables import commit, share, table
 
 # ratio of the errors above which a device is named
@@ -36,7 +36,7 @@ def summary(devices):
     lines += [f"- {name(d)}: {odd}" for d in devices for odd in oddities(d)]
     return "\n\n".join(
         [
-            "Error of imuloop over that of the plain fit; seconds are of one processor.",
+            "Error of imuloop over the error of the plain fit; seconds are of one processor.",
             table(header, [row(case, each) for case, each in groups.items() if each]),
             f"False alarms: {share(len(alarmed), len(free))}.",
             "\n".join(lines),
@@ -72,7 +72,7 @@ def few_poses(devices):
 
 
 def row(case, devices):
-    """Return the row of some devices in the table; those of one case are named."""
+    """Return the row of some devices in the table; devices of one case are named after it."""
     figures, worse = [], []
     for s in SENSORS:
         ratios = {name(d): d["ratios"][s] for d in devices if d["ratios"][s] is not None}
@@ -92,7 +92,7 @@ def coverage(devices, sensor):
 
 
 def oddities(device):
-    """Return what failed, and a line for each sensor that one of the two fits did not give."""
+    """Return failures, and a line for each sensor that one of the two fits did not give."""
     lines = [*device["failures"]]
     for s, method in device["methods"].items():
         if method != "multi_position":
@@ -113,7 +113,7 @@ def main():
     options = parser.parse_args()
     cases = options.cases.split(",")
     if unknown := set(cases) - {*CASES, *FEW}:
-        parser.error(f"{min(unknown)} is no case; those are {', '.join((*CASES, *FEW))}")
+        parser.error(f"{min(unknown)} is not a case; choose from {', '.join((*CASES, *FEW))}")
     options.lines.parent.mkdir(parents=True, exist_ok=True)
     options.lines.touch()
     devices = [json.loads(line) for line in options.lines.read_text().splitlines()]
@@ -121,7 +121,7 @@ def main():
     seeds, made_of = range(options.first, options.first + options.seeds), commit()
     jobs = [(*job, options.keep) for job in product(seeds, cases) if job not in done]
     with multiprocessing.Pool(options.workers) as pool, options.lines.open("a") as file:
-        for job in [pool.apply_async(judged, job) for job in jobs]:
+        for job in [pool.apply_async(judge, job) for job in jobs]:
             devices.append(job.get() | {"commit": made_of})
             print(json.dumps(devices[-1]), file=file, flush=True)
             ratios = ", ".join(f"{s} {r or np.nan:.2f}" for s, r in devices[-1]["ratios"].items())

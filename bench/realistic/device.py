@@ -43,7 +43,7 @@ class Sensor:
     b: np.ndarray
 
     def raw(self, x):
-        """Return what the sensor gives for true values, (…, 3)."""
+        """Return the output of the sensor for true values, (…, 3)."""
         return x @ np.linalg.inv(self.T).T / self.K + self.b
 
     def corrected(self, raw):
@@ -59,13 +59,13 @@ class Motion:
     attitude: Rotation
     angular_rate: np.ndarray
     force: np.ndarray
-    on_table: np.ndarray  # 1 at rest, 0 amid a move
+    on_table: np.ndarray  # 1 at rest, 0 in the middle of a move
     rests: np.ndarray  # start and end of each true rest, what settles included, s
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A log, what is true of its device, and what only the truth knows of the log."""
+    """A log, the true parameters of its device, and facts about the log that only the truth has."""
 
     case: str
     parts: tuple
@@ -87,7 +87,7 @@ class Recording:
         return not set(self.parts) & set(WITH_EFFECT)
 
     def bias(self, sensor, t, temperature):
-        """Return what effects add to the output of sensor 0 or 1 at a time, raw units, (…, 3)."""
+        """Return the sum of the effects on sensor 0 or 1 at a time, raw units, (…, 3)."""
         warmer = np.asarray(temperature)[..., None] - self.middle
         later = np.asarray(t)[..., None] >= self.jump_s
         return warmer * self.slopes[sensor] + later * self.steps[sensor]
@@ -99,7 +99,7 @@ class Recording:
         np.savetxt(path, table, form, ",", header=",".join(self.columns), comments="")
 
     def truth(self):
-        """Return what is true, as JSON."""
+        """Return the true parameters, as JSON."""
         known = {name: value for name, value in vars(self).items() if name != "columns"}
         return json.dumps(known, default=lambda x: x.tolist() if hasattr(x, "tolist") else vars(x))
 
@@ -167,7 +167,7 @@ def waves(t, low, high, rng, count=4):
 
 
 def move_seconds(angles, parts, rng):
-    """Return how long turns by such angles take: a peak rate is 15/8 of the mean one."""
+    """Return the duration, s, of turns by such angles: the peak rate is 15/8 of the mean one."""
     shape, fast = rng.uniform(size=(2, len(angles)))
     if "slow_turns" in parts:
         return 6 + 14 * shape
@@ -212,14 +212,14 @@ def move(seed, parts, rate):
     size = swing[0][pose] * np.sin(2 * np.pi * swing[1][pose] * x)
     small = bump * size[:, None] * about[pose]
     if "settle" in parts:
-        small = small + settling(t - edges[piece], seconds, pose, moving, s, seed)
+        small = small + decaying_tilt(t - edges[piece], seconds, pose, moving, s, seed)
     if "tremor" in parts:
         # a hand holds a part of the poses or all; the first time the device lies on a table
         random = stream(seed, "held")
         share = random.choice([0.3, 0.6, 1.0])
         held = (random.random((count, 1)) < share).astype(float)
         held[0] = 0
-        small = small + course(held) * trembling(t, seed)
+        small = small + course(held) * hand_tremor(t, seed)
     attitude = attitudes[pose] * Rotation.from_rotvec(s * turns[pose])
     attitude = attitude * Rotation.from_rotvec(small)
     arm = rng.uniform(0.03, 0.1) * sphere(50)[rng.integers(50)]
@@ -236,7 +236,7 @@ def move(seed, parts, rate):
     return Motion(t, attitude, angular_rate, force, 1 - bump, rests)
 
 
-def settling(since, seconds, pose, moving, s, seed):
+def decaying_tilt(since, seconds, pose, moving, s, seed):
     """Return the tilt that decays after the device was put down on something soft, (n, 3)."""
     rng, count = stream(seed, "settle"), len(seconds) // 2 + 1
     tau = rng.uniform(1, 3, count)
@@ -248,7 +248,7 @@ def settling(since, seconds, pose, moving, s, seed):
     return np.where(moving[:, None], (1 - s) * left[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest)
 
 
-def trembling(t, seed):
+def hand_tremor(t, seed):
     """Return the tremor and the sway of a hand, rotation vectors, rad, (n, 3)."""
     rng = stream(seed, "tremor")
     f, fine, coarse = rng.uniform(6.5, 11.5), rng.uniform(0.005, 0.03), rng.uniform(0.05, 0.3)
@@ -256,8 +256,8 @@ def trembling(t, seed):
     return DEGREE * (tremor + coarse * waves(t, 0.05, 0.5, rng))
 
 
-def shaken(motion, seed):
-    """Return what a fan in the table adds to specific force and angular rate, (n, 3) each."""
+def fan_vibration(motion, seed):
+    """Return the vibration of a table with a fan: specific force and angular rate, (n, 3) each."""
     rng = stream(seed, "fan")
     f, force, turn = rng.uniform(20, 120), rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5) * DEGREE
     wander = 0.05 * waves(motion.t, 0.01, 0.1, rng)[:, :1]
@@ -310,7 +310,7 @@ def temperature(t, parts, seed):
     if not {"temperature", "thermometer_lag"} & set(parts):
         true = start + 1.5 * rng.random() * (1 - np.exp(-4 * x))
         return true, np.round(true + noise, 2) if logged else None
-    # up at an even rate, up and down, or towards what the device warms up to
+    # up at an even rate, up and down, or towards the temperature of the warm device
     true = start + span * (x, 1 - np.abs(2 * x - 1), 1 - np.exp(-3 * x))[shape]
     read = true
     if "thermometer_lag" in parts:
@@ -346,7 +346,7 @@ def record(seed, case="clean", noise=True):
     motion = move(seed, parts, every * rate)
     felt = [motion.force, motion.angular_rate]
     if "fan" in parts:
-        felt = np.add(felt, shaken(motion, seed))
+        felt = np.add(felt, fan_vibration(motion, seed))
     own = stream(seed, "case")
     if "lowpass" in parts:
         corner = min(own.uniform(20, 50), 0.35 * rate)
@@ -363,7 +363,7 @@ def record(seed, case="clean", noise=True):
             out = lfilter(b, a, out, axis=0, zi=zi)[0]
             slow = slow_noise(len(t), rate, *others, random)
             out[::every] += slow
-            # what the bias was while it rested is the truth
+            # the mean bias while it rested is the truth
             sensor = Sensor(sensor.T, sensor.K, sensor.b + slow[still].mean(axis=0))
         made.append(sensor)
         logged.append(out[::every])
@@ -375,7 +375,7 @@ def record(seed, case="clean", noise=True):
         case, parts, seed, rate, *made, motion.rests, log, slopes, steps, jump, middle, extremes
     )
     values = np.hstack([out + known.bias(k, t, true) for k, out in enumerate(logged)])
-    values = spoiled(values, parts, own)
+    values = digitise(values, parts, own)
     log.update(t=arrivals(t, seed) if "usb" in parts else t)
     log.update(zip(CHANNELS, values.T, strict=True))
     log.update({} if read is None else {"temperature": read})
@@ -406,7 +406,7 @@ def effects(parts, rng, duration):
     return tuple(slopes), tuple(steps), jump
 
 
-def spoiled(log, parts, rng):
+def digitise(log, parts, rng):
     """Return the output, (n, 6), as the digital side of the device hands it over."""
     if "spikes" in parts:
         count = rng.poisson(len(log) / rng.uniform(1000, 4000))

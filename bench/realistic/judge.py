@@ -23,7 +23,7 @@ def probes(made):
     """Yield time (s), temperature (°C), true specific force and rate, (3,) each, noise-free.
 
     All over the sphere at rest and at 100 °/s, early and late in the log, at its middle
-    temperature and those of the coldest and the warmest rest, each steady.
+    temperature and the temperatures of the coldest and the warmest rest, each steady.
     """
     directions = sphere(DIRECTIONS)
     about = np.random.default_rng(made.seed).permutation(directions)
@@ -60,8 +60,8 @@ def errors(made, corrected):
     return {name: float(np.sqrt(np.mean(each))) for name, each in sorted(found.items())}
 
 
-def judged(seed, case, keep=None):
-    """Return what came of one device, for JSON; its log and results stay in a folder `keep`."""
+def judge(seed, case, keep=None):
+    """Return the outcome of one device, for JSON; its log and results stay in a folder `keep`."""
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         folder = Path(keep or folder) / f"{case}_{seed}"

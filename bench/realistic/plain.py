@@ -41,9 +41,9 @@ def rest_means(t, values, rests):
 
 
 def fit_accelerometer(means, prior=False):
-    """Return the Sensor that makes the norm of the means at rest, (m, 3), that of gravity.
+    """Return the Sensor that gives the means at rest, (m, 3), the norm of gravity.
 
-    With the prior also where it is not determined: its rows stand beside norms known to `KNOWN`.
+    With the prior also where it is not determined: its rows join the norms, known to `KNOWN`.
     """
 
     def sensor(p):
@@ -55,13 +55,13 @@ def fit_accelerometer(means, prior=False):
         left = np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
         return np.append(left / KNOWN, (p - NOMINAL) / SHEET) if prior else left
 
-    return _solved(residual, NOMINAL, sensor)
+    return _solve(residual, NOMINAL, sensor)
 
 
 def fit_gyroscope(t, rate, moves, up, bias):
     """Return the Sensor that turns `up`, (m, 3), from each rest to the next as was measured."""
     longest = max(move.sum() for move in moves)
-    # moves of one length, a power of two: what is behind the end stands still
+    # moves of one length, a power of two: samples behind the end stand still
     length = 1 << int(longest).bit_length()
     step, first = np.zeros((len(moves), length, 1)), np.zeros((len(moves), length, 3))
     second = first.copy()
@@ -79,10 +79,10 @@ def fit_gyroscope(t, rate, moves, up, bias):
         turned = rotation(step, own.corrected(first), own.corrected(second))
         return (rotate_back(turned, up[:-1]) - up[1:]).ravel()
 
-    return _solved(residual, np.repeat([0.0, 0.0, 1.0], 3), sensor)
+    return _solve(residual, np.repeat([0.0, 0.0, 1.0], 3), sensor)
 
 
-def _solved(residual, start, sensor):
+def _solve(residual, start, sensor):
     if len(residual(start)) < len(start):
         return None
     found = least_squares(residual, start, x_scale="jac")

@@ -1,4 +1,4 @@
-"""The cases of the study: which effects, how large, and what is put beside or outside them."""
+"""The cases of the study: effects, their sizes, and disturbances with them or without them."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,7 +15,7 @@ from imuloop.simulate.truth import Popcorn
 LIMITS = 3.0
 # time constants and widths lie between those that the library tries: at most this factor off
 BETWEEN = 1.3
-# what a record at rest is searched for beside the noise, by sensor
+# effects that a record at rest is searched for, apart from the noise, by sensor
 AT_REST = {
     "accelerometer": (
         "bias_temperature", "scale_temperature", "bias_temperature_rate", "thermal_hysteresis",
@@ -39,7 +39,7 @@ class Case:
     kind: str  # 'control', 'effect', 'two', 'product' or 'outside'
     record: str  # 'poses', 'static_record' or 'motion': which device it is, see `devices`
     sensor: str = ""  # that is changed; empty for a control
-    names: tuple = ()  # what is put into it
+    names: tuple = ()  # effects put into it
     plan: str = "usual"  # of the device, see `devices`
     limits: float = LIMITS  # how many detection limits large it is
 
@@ -64,7 +64,7 @@ def all_cases(plan="usual", limits=LIMITS):
         cases += [
             Case("effect", "motion", sensor, (name,))
             for name, effect in sorted(Effect.library.items())
-            # those of the poses are tried there
+            # effects of the poses are tried there
             if effect.sensors[0] == sensor
             and "motion" in effect.records
             and "poses" not in effect.records
@@ -78,16 +78,15 @@ def all_cases(plan="usual", limits=LIMITS):
     return [replace(case, plan=plan, limits=limits) for case in cases]
 
 
-def injected(case, seed, control):
-    """Return what is put into a device, sized by the diagnosis of its control.
+def choose_effects(case, seed, control):
+    """Return the effects put into a device, sized by the diagnosis of its control.
 
     A detection limit d is the size of a parameter that alone is not zero. The parameters together
     have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
-    parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
-    At one limit one parameter has it, as the limit says. One that physics bounds is as large
-    as it can be. The direction follows from the
-    seed and the names. None where the control, the outcome of the device of that seed without
-    effects, has no detection limit: the log cannot show the effect.
+    parameters with ones on its diagonal, makes their noncentrality nine times the noncentrality of
+    one parameter at its limit. A parameter that physics bounds is as large as it can be. The
+    direction follows from the seed and the names. None where the control, the outcome of the device
+    of that seed without effects, has no detection limit: the log cannot show the effect.
     """
     rng = np.random.default_rng([seed, *"".join((case.sensor, *case.names)).encode()])
     found = control["diagnosis"]["sensors"][case.sensor][case.record]
@@ -95,7 +94,7 @@ def injected(case, seed, control):
         residual, degree = OUTSIDE[case.sensor]
         size = FLOORS * found["residuals"][residual]["floor"] * np.sqrt(2 * degree + 1)
         if case.sensor == "gyroscope":
-            # the floor is that of three axes together
+            # the floor is the one of three axes together
             size /= np.sqrt(3)
         extra = physics.harmonic(case.sensor, degree, size, rng)
         return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
@@ -117,11 +116,11 @@ def injected(case, seed, control):
             # the log may show some of them alone
             shown = [p in candidate["detection_limit"] for p in candidate["parameters"]]
             alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
-        made.append(_injected(case, name, candidate, alike, rng))
+        made.append(_choose_effect(case, name, candidate, alike, rng))
     return tuple(made)
 
 
-def _injected(case, name, candidate, alike, rng):
+def _choose_effect(case, name, candidate, alike, rng):
     """Return one effect of as many detection limits as the case has."""
     sensor, limits = case.sensor, case.limits
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])

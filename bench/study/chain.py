@@ -41,10 +41,10 @@ ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 
-def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
-    """Do the stages of a device, by default those up to the diagnosis; raise what fails.
+def run_stages(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
+    """Do the stages of a device, by default up to the diagnosis; raise the error of one that fails.
 
-    So does a session that was rejected: figures of the others are those of another device.
+    A rejected session raises too: figures of the others belong to another device.
     """
     for name, files in device.sessions.items():
         if reasons := read_json(files["quality"])["reasons"]:
@@ -57,7 +57,7 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
     """Return diagnosis.json of a simulated device, its motion and noise by a seed.
 
     `also` takes the truth, the sessions and the folder of the results; its result is returned
-    second. Without `limits` there are no detection limits; without `motion` that is not tested.
+    second. Detection limits are computed if `limits`, and motion is tested if `motion`.
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
     attitude = no_attitude(truth.name, "not asked for")
@@ -70,7 +70,7 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
             path = folder / f"{name}.parquet"
             write_log(path, simulate_session(truth, name, seed), log_metadata(truth, name))
             chain.ingest(device, name, {}, [path])
-        through(device)
+        run_stages(device)
         diagnosis = read_json(folder / "diagnosis.json")
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis
 
@@ -96,8 +96,8 @@ def base_pulls(truth, sessions, folder, seed):
 def _mean_slow_noise(truth, sessions, seed):
     """Return the mean of flicker and random walk over the rests of the poses, raw units, (3,).
 
-    The result is a dict by sensor. Each process has random numbers of its own, so a second
-    simulation without these two shows what they add.
+    The result is a dict by sensor. Each process has its own random numbers, so a second
+    simulation without these two shows their sum.
     """
     without, none = truth, (0.0, 0.0, 0.0)
     for sensor in SENSORS:
@@ -123,10 +123,10 @@ def _entry(sensor, name):
 
 
 def likeness(truth, sessions, folder):
-    """Return how alike the parameters of each effect are at the poses of a device.
+    """Return the similarity of the parameters of each effect at the poses of a device.
 
     By sensor and effect, the information of its parameters with ones on the diagonal, (q, q): zeros
-    elsewhere where each parameter leaves a pattern square to those of the others.
+    elsewhere where each parameter leaves a pattern square to the patterns of the others.
     """
     if (problem := _problem(truth, sessions, folder)) is None:
         return {}

@@ -1,4 +1,4 @@
-"""The devices of the study: their sessions, and what is put into them."""
+"""The devices of the study: their sessions, and the effects put into them."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +9,7 @@ from imuloop.simulate.simulate import simulate_session, true_motion
 from imuloop.simulate.truth import SessionTruth, Thermometer, Vibration, example_truth
 
 # temperatures of the surroundings that go up and down at several speeds, and rest, so that no two
-# effects of the temperature look alike: s, degC
+# effects of the temperature look like each other: s, degC
 HEATED_POSES = (
     (0, 24), (70, 24), (170, 38), (260, 38), (420, 27), (470, 27), (590, 34), (900, 34)
 )  # fmt: skip
@@ -20,7 +20,7 @@ MOTOR = Vibration(share=0.5, rms=(0.02, 0.028), frequency=(15.0, 45.0))
 THERMOMETER = Thermometer(noise=0.02, step=0.01)
 
 
-# what a device of poses may be instead of the usual one
+# variants of a device of poses, in place of the usual one
 PLANS = ("usual", "few", "alone", "ramp", "cycles")
 
 
@@ -82,12 +82,12 @@ class Injected:
     values: dict = field(default_factory=dict)  # parameters, SI, by their names in the library
     constants: dict = field(default_factory=dict)  # of the variant
     limits: float = np.nan  # its size in detection limits
-    extra: object = None  # what it adds to the output, from the `Channels` of a log
+    extra: object = None  # its share of the output, from the `Channels` of a log
     noise: dict = field(default_factory=dict)  # or the processes that it adds to the noise
 
 
 def with_effects(truth, injected):
-    """Return the device with what is injected into its sensors."""
+    """Return the device with effects injected into its sensors."""
     for one in injected:
         sensor = getattr(truth, one.sensor)
         processes = {k: getattr(sensor.noise, k) + v for k, v in one.noise.items()}
@@ -107,7 +107,7 @@ def in_variant(truth, seed, injected, found, record):
 
     Where the variant is the injected one they are those that were injected. Else, as for a time
     constant between two of those that are tried, they are the ones that come nearest to it at
-    rest, by least squares beside a bias in each session. What is random has none. `found` is the
+    rest, by least squares with a bias in each session. A random effect has none. `found` is the
     entry of ``effects`` of the diagnosis, `record` the kind of data in which it was found.
     """
     if injected.extra is None:

@@ -1,11 +1,11 @@
-"""Outcomes as files, written as they come: what was interrupted goes on, its table can be made."""
+"""Outcomes as files, written as they come: an interrupted study goes on, its table can be made."""
 
 import os
 import pickle
 
 
-def kept(folder, name, make, *arguments):
-    """Return what a folder holds by this name, or else what is made now, and written there.
+def keep_outcome(folder, name, make, *arguments):
+    """Return the outcome of this name in a folder, or else make it now and write it there.
 
     Without a folder nothing is written; where `make` is None an outcome that is not there is None.
     """

@@ -20,7 +20,7 @@ def of_axes(p, name):
 def _warmer(now, c):
     warm, lag = now.temperature, c.get("lag", 0.0)
     if lag:
-        # what a thermometer is late behind, smoothed by a share of its lag
+        # the temperature that a late thermometer follows, smoothed by a share of its lag
         late = lagged(warm, now.t[1] - now.t[0], SMOOTHED * lag)
         warm = late + (warm - late) / SMOOTHED
     return warm - c["reference_temperature"]

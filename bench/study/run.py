@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from dataclasses import asdict
 
-from bench.study.cases import injected
+from bench.study.cases import choose_effects
 from bench.study.chain import (
     alike_products,
     base_pulls,
@@ -13,23 +13,23 @@ from bench.study.chain import (
     product_limits,
 )
 from bench.study.devices import DEVICES, in_variant, with_effects
-from bench.study.keep import kept
-from bench.study.score import fitted, is_true
+from bench.study.keep import keep_outcome
+from bench.study.score import effect_entries, is_true
 from bench.tables import commit
 
 
 def run(cases, first, seeds, controls, workers, keep=None, make=True, progress=print):
     """Return the outcomes of cases of one plan, a list by case; controls are made for all records.
 
-    `seeds` devices of each case and `controls` of each record, from the seed `first` on. Of each
-    device: ``seed``, ``seconds``, ``commit``, ``diagnosis`` (None where the log cannot show the
+    `seeds` devices of each case and `controls` of each record, from the seed `first` on. A device
+    has: ``seed``, ``seconds``, ``commit``, ``diagnosis`` (None where the log cannot show the
     effect) with ``base_pulls``, and but for controls ``control``, ``injected`` and ``found``.
     Each is written into the folder `keep` when it is made, and read if it is there; unless `make`
     those that are not are left out.
     """
     (plan,), plain, outcomes, made_of = {case.plan for case in cases}, {}, {}, commit()
     asked = [case.record for case in cases if case.kind == "control"]
-    # limits size what is put into a device: other controls go without
+    # limits size the effects put into a device: other controls go without
     jobs = [
         (keep, make, made_of, record, plan, first + k, k < seeds)
         for record in sorted({case.record for case in cases})
@@ -62,7 +62,7 @@ def _control(job):
     keep, make, made_of, record, plan, seed, limits = job
     name = f"control_{record}_{plan}_{seed}" + ("" if limits else "_without_limits")
     make = made_control if make else None
-    return job, kept(keep, name, make, record, plan, seed, limits, made_of)
+    return job, keep_outcome(keep, name, make, record, plan, seed, limits, made_of)
 
 
 def made_control(record, plan, seed, limits, made_of):
@@ -83,12 +83,14 @@ def _device(job):
     keep, make, made_of, case, seed, control = job
     words = (case.kind, case.record, case.sensor, *case.names, case.plan, f"{case.limits:g}")
     make = made_device if make else None
-    return case, kept(keep, "_".join((*words, str(seed))), make, case, seed, control, made_of)
+    return case, keep_outcome(
+        keep, "_".join((*words, str(seed))), make, case, seed, control, made_of
+    )
 
 
 def made_device(case, seed, control, made_of):
     """Return the outcome of a device of a case, sized by its control."""
-    start, effects = time.process_time(), injected(case, seed, control)
+    start, effects = time.process_time(), choose_effects(case, seed, control)
     made = {"seed": seed, "commit": made_of, "control": control["diagnosis"], "diagnosis": None}
     made |= {"injected": [], "found": []}
     if effects is not None:
@@ -105,14 +107,16 @@ def made_device(case, seed, control, made_of):
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
         made["found"] = [
-            {**found, "expected": _expected(case, truth, seed, effect, found, record)}
+            {**found, "expected": _expected_values(case, truth, seed, effect, found, record)}
             for effect in effects
-            for record, found in fitted(made["diagnosis"], case.sensor, case.record, effect.name)
+            for record, found in effect_entries(
+                made["diagnosis"], case.sensor, case.record, effect.name
+            )
         ]
     return made | {"seconds": time.process_time() - start}
 
 
-def _expected(case, truth, seed, effect, found, record):
+def _expected_values(case, truth, seed, effect, found, record):
     """Return the values of an injected effect in the variant that was found; {} of none."""
     if case.kind == "product":
         return effect.values if is_true(case, found) else {}

@@ -5,15 +5,15 @@ import numpy as np
 from bench.study.physics import PRODUCTS
 from imuloop.diagnose.settings import DiagnoseSettings
 
-# what a record at rest calls an effect that the poses know by another name
+# name in a record at rest of an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
-# largest ratio of the held-out error to that of the device without the effect
+# largest ratio of the held-out errors of the device with and without the effect
 RATIO = 1.25
 # largest error of a parameter, in its standard error
 SIGMAS = 3.0
 
 
-def named(diagnosis):
+def added_effects(diagnosis):
     """Return (sensor, record, name) of every effect that a diagnosis added, in its order.
 
     What was found at rest is known at the poses: a candidate that is added, no effect of theirs.
@@ -27,7 +27,7 @@ def named(diagnosis):
     return found
 
 
-def fitted(diagnosis, sensor, record, name):
+def effect_entries(diagnosis, sensor, record, name):
     """Return the entries of ``effects``, with their record, that hold the values of an effect."""
     parts = diagnosis["sensors"][sensor]
     for place in (record, "static_record"):
@@ -54,7 +54,7 @@ def is_true(case, effect):
 
 
 def _judge_product(case, outcome, every):
-    """Return what `judge` does of a device with a product."""
+    """Return the fields of `judge` for a device with a product."""
     part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
     found = [e["constants"] for e in part["effects"] if e["name"] == "product"]
     alike = [one["formula"] for one in found if (one["formula"], one["axis"]) in outcome["alike"]]
@@ -70,12 +70,12 @@ def _judge_product(case, outcome, every):
 
 
 def judge(case, outcome):
-    """Return what a diagnosis made of a device.
+    """Return the verdict and the effects of a diagnosis, compared with the truth.
 
     ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put in
     and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added, anywhere.
     """
-    every = named(outcome["diagnosis"])
+    every = added_effects(outcome["diagnosis"])
     if case.kind == "control":
         return {"more": every}
     if case.kind == "product":
@@ -103,7 +103,7 @@ def judge(case, outcome):
 
 
 def ratio(case, outcome, whole=False):
-    """Return the held-out error after over that of the control, the largest of the residuals.
+    """Return the held-out error after over the control's, the largest of the residuals.
 
     For steps in a static record only the blocks of time count in which none happened, but for the
     `whole`: no other block tells when.
@@ -112,7 +112,7 @@ def ratio(case, outcome, whole=False):
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )
     if "steps" in case.names and case.record == "static_record" and not whole:
-        held = unforetold(found["points"], outcome["injected"][0]["constants"]["times"])
+        held = step_blocks(found["points"], outcome["injected"][0]["constants"]["times"])
         after, before = (
             np.mean([p[when] ** 2 for p in part["points"] if p["start_s"] not in held])
             for part, when in ((found, "after"), (control, "before"))
@@ -124,7 +124,7 @@ def ratio(case, outcome, whole=False):
     )
 
 
-def unforetold(points, times):
+def step_blocks(points, times):
     """Return the starts of the means in those blocks of a session in which a step happens, s."""
     starts = np.unique([p["start_s"] for p in points])
     block = np.arange(len(starts)) * DiagnoseSettings().blocks // len(starts)
@@ -133,7 +133,7 @@ def unforetold(points, times):
 
 
 def pulls(outcome):
-    """Return the errors of the parameters of what was found, in their standard errors."""
+    """Return the errors of the parameters of the effects found, in their standard errors."""
     return np.array(
         [
             (value - found["expected"][name]) / found["std"][name]
@@ -159,7 +159,7 @@ def base_pulls(case, outcome):
     return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
 
 
-def settled(outcome):
+def explained_ratios(outcome):
     """Return held-out error over floor of everything said to be explained or consistent."""
     return [
         residual["after"] / residual["floor"]

@@ -4,8 +4,8 @@ from collections import Counter
 
 import numpy as np
 
-from bench.study.score import RATIO, SIGMAS, base_pulls, judge, pulls, ratio, settled
-from bench.tables import met, share, table
+from bench.study.score import RATIO, SIGMAS, base_pulls, explained_ratios, judge, pulls, ratio
+from bench.tables import bound_text, share, table
 
 # bounds of the study
 RIGHT, NAMED, ALARMS, INSIDE, INTERVALS = 0.90, 0.80, 0.05, 0.95, (0.93, 0.97)
@@ -22,7 +22,7 @@ def document(outcomes, first):
     return "\n\n".join(parts)
 
 
-def judged(outcomes, *kinds):
+def judgements(outcomes, *kinds):
     """Return case, outcome and judgement of every device whose log can show its effect."""
     return [
         (case, made, judge(case, made))
@@ -33,24 +33,24 @@ def judged(outcomes, *kinds):
 
 
 def bounds(outcomes):
-    """Return the table of the bounds and what was found."""
+    """Return the table of the bounds and of the figures found."""
     # what physics keeps below its size does not count
     one = [
         (case, made, j)
-        for case, made, j in judged(outcomes, "effect")
+        for case, made, j in judgements(outcomes, "effect")
         if made["injected"][0]["limits"] > case.limits - 1e-6
     ]
     limits = next((case.limits for case, *_ in one), 0.0)
     found = [(case, made) for case, made, j in one if j["right"]]
     steps = [ratio(case, made, whole=True) for case, made in found if "steps" in case.names]
-    of_poses = [(c, made) for c, made, _ in judged(outcomes) if c.record == "poses"]
+    of_poses = [(c, made) for c, made, _ in judgements(outcomes) if c.record == "poses"]
     ratios = np.array([ratio(*each) for each in found])
     errors = np.concatenate([[], *(pulls(made) for _, made in found)])
     base = np.concatenate([[], *(base_pulls(*each) for each in of_poses)])
-    held = np.array([r for _, made, _ in judged(outcomes) for r in settled(made)])
+    held = np.array([r for _, made, _ in judgements(outcomes) for r in explained_ratios(made)])
     kept = [
         j["verdict"] in ("unexplained", "partly_explained") and {*j["named"]} <= {"product"}
-        for *_, j in judged(outcomes, "outside")
+        for *_, j in judgements(outcomes, "outside")
     ]
     lines = [
         (f"right name or twin, at {limits:g} limits", "≥ 90%", [not j["missed"] for *_, j in one],
@@ -64,15 +64,15 @@ def bounds(outcomes):
         (f"`explained`, `consistent`: held-out error ≤ {RATIO} × floor", "≥ 95%", held <= RATIO,
          (INSIDE, 1)),
         ("controls with any effect", "≤ 5%",
-         [bool(j["more"]) for *_, j in judged(outcomes, "control")], (0, ALARMS)),
-        ("both of two effects", "all", [not j["missed"] for *_, j in judged(outcomes, "two")],
+         [bool(j["more"]) for *_, j in judgements(outcomes, "control")], (0, ALARMS)),
+        ("both of two effects", "all", [not j["missed"] for *_, j in judgements(outcomes, "two")],
          (1, 1)),
         ("product outside the library: its formula, or one with its pattern", "≥ 80%",
-         [not j["missed"] for *_, j in judged(outcomes, "product")], (NAMED, 1)),
+         [not j["missed"] for *_, j in judgements(outcomes, "product")], (NAMED, 1)),
         ("outside the library: not explained, no effect with a cause", "all", kept, (1, 1)),
     ]  # fmt: skip
     rows = [
-        (what, bound, share(sum(good), len(good)), met(low <= np.mean(good) <= high))
+        (what, bound, share(sum(good), len(good)), bound_text(low <= np.mean(good) <= high))
         for what, bound, good, (low, high) in lines
         if len(good)
     ]
@@ -85,11 +85,11 @@ def cases(outcomes):
         "put in", "sensor", "record", "named", "as a twin", "something else added",
         "largest error left", f"parameters within {SIGMAS:g} σ", "verdicts",
     )  # fmt: skip
-    return table(header, [row(case, judged({case: made})) for case, made in outcomes.items()])
+    return table(header, [row(case, judgements({case: made})) for case, made in outcomes.items()])
 
 
 def row(case, each):
-    """Return what was found of the devices of a case."""
+    """Return the row of a case; `each` holds case, outcome and judgement of its devices."""
     names = " and ".join(case.names) or "nothing"
     if not each:
         return (names, case.sensor, case.record, "not shown by this log", *"–––––")
@@ -110,14 +110,14 @@ def row(case, each):
         case.sensor or "both",
         case.record,
         f"{len(found)}/{len(each)}" if case.names else "–",
-        counted(twin for *_, j in each for twin in j.get("twins", {}).values()),
-        counted(f"{name} ({sensor})" for *_, j in each for sensor, _, name in j["more"]),
+        count_names(twin for *_, j in each for twin in j.get("twins", {}).values()),
+        count_names(f"{name} ({sensor})" for *_, j in each for sensor, _, name in j["more"]),
         f"{max(ratios):.2f}" if ratios else "–",
         f"{np.sum(np.abs(errors) <= SIGMAS)}/{len(errors)}" if len(errors) else "–",
-        counted(verdicts),
+        count_names(verdicts),
     )
 
 
-def counted(names):
-    """Return how often each name is there, the most frequent first, as text."""
+def count_names(names):
+    """Return the count of each name, the most frequent first, as text."""
     return ", ".join(f"{n} {name}" for name, n in Counter(names).most_common()) or "–"

@@ -27,7 +27,7 @@ UNITS = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
 UNKNOWN_NOISE = NoiseModel("d", dict.fromkeys(CHANNELS, AxisNoise()))
 
 
-def known(value):
+def coefficient(value):
     return Coefficient(float(value), (float(value), float(value)), float(value), True)
 
 
@@ -36,26 +36,26 @@ def known_noise(truth):
     axes = {}
     for sensor, letter in ((truth.accelerometer, "a"), (truth.gyroscope, "g")):
         for i, axis in enumerate("xyz"):
-            coefficients = (known(getattr(sensor.noise, name)[i]) for name in "QNBKR")
+            coefficients = (coefficient(getattr(sensor.noise, name)[i]) for name in "QNBKR")
             axes[letter + axis] = AxisNoise(*coefficients)
     return NoiseModel(truth.name, axes)
 
 
-def planned(truth, session="multi_position", **changes):
+def plan_session(truth, session="multi_position", **changes):
     """Return a device with one of its sessions alone, the plan of it changed."""
     return replace(truth, sessions={session: replace(truth.sessions[session], **changes)})
 
 
-def recorded(*samples):
+def record_samples(*samples):
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
     return record(list(samples), segments, 30.0)
 
 
 def recording(truth, seed, session="multi_position"):
-    return recorded(simulate_session(truth, session, seed))
+    return record_samples(simulate_session(truth, session, seed))
 
 
-def calibrated(recording, noise, gravity, prior=None, turns=None, units=UNITS, **settings):
+def calibrate_recording(recording, noise, gravity, prior=None, turns=None, units=UNITS, **settings):
     """Return the accelerometer's and the gyroscope's calibration by a recording."""
     how = units, CalibrateSettings(**settings), prior, turns
     made = calibrate_sensors(recording, noise, gravity, *how)
@@ -107,8 +107,8 @@ def true_fit(truth, made, moves=True, **how):
     return JointFit(factors, noise, UNITS, x), x
 
 
-def noiseless(truth):
-    """Return the same device with next to no noise: none at all leaves no level of rest."""
+def without_noise(truth):
+    """Return the device with almost no noise: without any noise a rest would have no level."""
     whisper = Noise(N=(1e-7, 1e-7, 1e-7))
     return replace(
         truth,

@@ -58,7 +58,7 @@ def turn(rng):
     return w
 
 
-def sampled(w, rate, rng):
+def sample_rate(w, rate, rng):
     """Return an angular rate as it is logged, from a random instant on."""
     step = round(RATE / rate)
     return w[rng.integers(step) :: step]
@@ -67,7 +67,7 @@ def sampled(w, rate, rng):
 def log(rate, seed, truth, poses=40):
     """Return the log of a session of such turns of a device, and of rests between them.
 
-    The device turns about a point beside the sensor, so that contacts are knocks.
+    The device turns about a point next to the sensor, so that contacts are knocks.
     """
     rng = np.random.default_rng(seed)
     pieces = [np.zeros((50 * RATE, 3))]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.devices import UNKNOWN_NOISE, at_rest, calibrated, known_noise
+from calibrate.devices import UNKNOWN_NOISE, at_rest, calibrate_recording, known_noise
 from imuloop.simulate.truth import example_truth
 
 G = 9.80665
@@ -24,7 +24,7 @@ def spread(n=30, seed=0):
 
 
 def calibrated_by(f, error=1e-4, noise=UNKNOWN_NOISE):
-    return calibrated(at_rest(f, error), noise, G)[0]
+    return calibrate_recording(at_rest(f, error), noise, G)[0]
 
 
 def test_poses_without_noise_weigh_no_more_than_their_residual():

@@ -1,8 +1,14 @@
-"""What the error of a bias is about: its level over the rests; what it wanders by comes on top."""
+"""The error of a bias concerns its mean level over the rests; its later wander comes on top."""
 
 import numpy as np
 
-from calibrate.devices import calibrated, known, noiseless, planned, recorded
+from calibrate.devices import (
+    calibrate_recording,
+    coefficient,
+    plan_session,
+    record_samples,
+    without_noise,
+)
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.report.tables.calibration import wander
@@ -12,8 +18,8 @@ from imuloop.simulate.truth import example_truth
 from seeds import seeds
 
 RATE = 25.0
-TRUTH = planned(example_truth(rate=RATE), poses=20, initial_rest_s=20.0, temperature=None)
-QUIET = noiseless(TRUTH)
+TRUTH = plan_session(example_truth(rate=RATE), poses=20, initial_rest_s=20.0, temperature=None)
+QUIET = without_noise(TRUTH)
 # N, B and K of both sensors, SI
 NOISE = {"a": (1.5e-3, 3e-4, 2e-5), "g": (1.6e-4, 3e-5, 2e-6)}
 
@@ -26,7 +32,8 @@ def shares(pulls):
 @seeds(8, 170)
 def test_the_interval_of_a_bias_covers_its_level_over_the_rests(seeds):
     axes = {
-        c: AxisNoise(**dict(zip("NBK", map(known, NOISE[c[0]]), strict=True))) for c in CHANNELS
+        c: AxisNoise(**dict(zip("NBK", map(coefficient, NOISE[c[0]]), strict=True)))
+        for c in CHANNELS
     }
     pulls = []
     for seed in range(100, 100 + seeds):
@@ -36,8 +43,8 @@ def test_the_interval_of_a_bias_covers_its_level_over_the_rests(seeds):
             N, B, K = NOISE[channel[0]]
             course += flicker(*how, B, rng) + walk(*how, K, rng)
             log[channel] += course + white(*how, N, rng)
-        made = recorded(log)
-        found = calibrated(made, NoiseModel("d", axes), TRUTH.gravity)
+        made = record_samples(log)
+        found = calibrate_recording(made, NoiseModel("d", axes), TRUTH.gravity)
         ends = np.searchsorted(made.logs[0].t, [made.poses.start_s, made.poses.end_s]).T
         resting = np.concatenate([np.arange(*each) for each in ends])
         levels = np.split(slow[:, resting].mean(axis=1), 2)
@@ -52,7 +59,7 @@ def test_the_interval_of_a_bias_covers_its_level_over_the_rests(seeds):
 def test_an_hour_later_a_minute_differs_by_what_flicker_and_walk_predict():
     rng, dt, n = np.random.default_rng(1), 5.0, 732
     B, K = 3e-5, 1e-6
-    predicted, pulls = wander(AxisNoise(B=known(B), K=known(K)), 3600.0, 60.0), []
+    predicted, pulls = wander(AxisNoise(B=coefficient(B), K=coefficient(K)), 3600.0, 60.0), []
     for _ in range(1000):
         record = flicker(n, dt, B, rng) + walk(n, dt, K, rng)
         pulls.append((record[-12:].mean() - record[:12].mean()) / predicted)

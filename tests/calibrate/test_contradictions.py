@@ -1,6 +1,6 @@
-"""A turn that contradicts all others is left out; a sensor that changed amid a log has no fit.
+"""A turn that contradicts all others is left out; a sensor that changed within a log has no fit.
 
-Nothing is said of what poses and turns do not determine.
+Parameters that poses and turns do not determine are not judged.
 """
 
 from dataclasses import replace
@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from calibrate.devices import (
-    calibrated,
+    calibrate_recording,
     known_noise,
-    planned,
-    recorded,
+    plan_session,
+    record_samples,
     recording,
 )
 from imuloop.calibrate.contradictions import change, odd_turns
@@ -21,23 +21,23 @@ from imuloop.model.calibration import Calibration
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan, turns_between
-from quick import diagnosed
+from quick import diagnose_log
 
-TRUTH = planned(example_truth(rate=50.0), poses=30)
+TRUTH = plan_session(example_truth(rate=50.0), poses=30)
 FORCE, RATE = list(CHANNELS[:3]), list(CHANNELS[3:])
 SWAP = [1, 0, 2]
 
 
-def changed(channels, values):
+def change_values(channels, values):
     """Return a recording with other values after two thirds of its log, and when that is."""
     samples = simulate_session(TRUTH, "multi_position", 0)
     late = np.arange(len(samples)) > 2 / 3 * len(samples)
     rows = samples.loc[late, channels].to_numpy()
     samples.loc[late, channels] = values(rows)
-    return recorded(samples), samples["t"].to_numpy()[late][0]
+    return record_samples(samples), samples["t"].to_numpy()[late][0]
 
 
-def within(words, time, room=20.0):
+def is_near(words, time, room=20.0):
     """Return whether the time that words name is within `room` of another, s."""
     return abs(float(words.split("changed at about ")[1].split(" s:")[0]) - time) < room
 
@@ -49,14 +49,14 @@ def test_a_stretch_that_is_cut_out_costs_one_turn(cut_s):
     first = n // 2
     kept = np.r_[:first, first + int(cut_s * 50) : n]
     cut = samples.iloc[kept].assign(t=t[: len(kept)]).reset_index(drop=True)
-    made = recorded(cut)
+    made = record_samples(cut)
     # a rest after it may be in the same attitude by chance
     assert len(made.lost.contradicting) <= 1
     for _, start, end, angle in made.lost.contradicting:
         assert start - 1 < t[first] < end + 1 and angle > 0.05
     noise = known_noise(TRUTH)
-    whole = calibrated(recording(TRUTH, 0), noise, TRUTH.gravity)[1]
-    found = calibrated(made, noise, TRUTH.gravity)[1]
+    whole = calibrate_recording(recording(TRUTH, 0), noise, TRUTH.gravity)[1]
+    found = calibrate_recording(made, noise, TRUTH.gravity)[1]
     assert found.method == "multi_position"
     off = np.abs(found.K - whole.K) / found.std["K0"]
     assert off.max() < 4
@@ -75,7 +75,7 @@ def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
     samples = simulate_session(TRUTH, "multi_position", 0)
     late = samples["t"].to_numpy() >= (when := 0.9 * samples["t"].iloc[-1])
     samples.loc[late, RATE] += 0.03
-    made = recorded(samples)
+    made = record_samples(samples)
     assert all(start < when < end for _, start, end, _ in made.lost.contradicting)
     assert change("gyroscope", made) is None
 
@@ -86,18 +86,18 @@ def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
     ids=["half", "swapped", "turned around"],
 )
 def test_a_gyroscope_that_changed_has_no_fit_and_the_time_is_named(values):
-    made, when = changed(RATE, values)
-    force, turn = calibrated(made, known_noise(TRUTH), TRUTH.gravity)
+    made, when = change_values(RATE, values)
+    force, turn = calibrate_recording(made, known_noise(TRUTH), TRUTH.gravity)
     # its bias before and after has no mean that is right for either
     assert (force.method, turn.method) == ("multi_position", "nominal")
     assert turn.not_testable.startswith("the gyroscope, or an axis")
-    assert within(turn.not_testable, when)
+    assert is_near(turn.not_testable, when)
 
 
 def test_a_gyroscope_that_changed_keeps_a_bias_that_did_not():
     b = TRUTH.gyroscope.b
-    made, _ = changed(RATE, lambda x: b + 0.5 * (x - b))
-    _, turn = calibrated(made, known_noise(TRUTH), TRUTH.gravity)
+    made, _ = change_values(RATE, lambda x: b + 0.5 * (x - b))
+    _, turn = calibrate_recording(made, known_noise(TRUTH), TRUTH.gravity)
     assert turn.method == "static" and np.abs(turn.b - b).max() < 5 * max(turn.std.values())
 
 
@@ -111,7 +111,7 @@ def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
         up += rng.normal(0, tilt, (20, 3))
         up[-1] = 0.1, -0.1, 1.0
         up /= np.linalg.norm(up, axis=1)[:, None]
-        made = recorded(simulate_plan(TRUTH, up[0], turns_between(up), seed))
+        made = record_samples(simulate_plan(TRUTH, up[0], turns_between(up), seed))
         for size in (1e-3, 3e-3):
             norm = 1 + rng.normal(0, size, len(made.poses))
             poses = replace(made.poses, f=made.poses.f * norm[:, None])
@@ -123,7 +123,7 @@ def test_what_is_left_out_stands_in_the_diagnosis(tmp_path):
     t = samples["t"].to_numpy()
     kept = np.r_[: len(t) // 2, len(t) // 2 + 400 : len(t)]
     cut = samples.iloc[kept].assign(t=t[: len(kept)])
-    sensors = diagnosed(tmp_path, cut, gravity=TRUTH.gravity)
+    sensors = diagnose_log(tmp_path, cut, gravity=TRUTH.gravity)
     [turn] = sensors["gyroscope"]["poses"]["contradicting"]
     assert turn["session"] == "log" and turn["start_s"] - 1 < t[len(t) // 2] < turn["end_s"] + 1
     assert sensors["gyroscope"]["poses"]["verdict"] == "consistent"
@@ -132,7 +132,7 @@ def test_what_is_left_out_stands_in_the_diagnosis(tmp_path):
 def test_an_accelerometer_that_changed_keeps_its_data_sheet(tmp_path):
     samples = simulate_session(TRUTH, "multi_position", 0)
     samples.loc[2 * len(samples) // 3 :, FORCE] *= 0.5
-    sensors = diagnosed(tmp_path, samples, gravity=TRUTH.gravity)
+    sensors = diagnose_log(tmp_path, samples, gravity=TRUTH.gravity)
     assert sensors["accelerometer"]["poses"]["verdict"] == "not_testable"
     found = Calibration.from_json(tmp_path / "calibration.json")
     assert (found.accelerometer.method, found.gyroscope.method) == ("nominal", "static")

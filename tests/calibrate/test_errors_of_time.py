@@ -1,9 +1,9 @@
-"""Intervals hold, of whole logs, over lost samples and late stamps, beside what is clipped."""
+"""Intervals hold for whole logs, over lost samples and late stamps, and next to clipped samples."""
 
 import numpy as np
 import pytest
 
-from calibrate.devices import calibrated, known_noise, recorded, scores
+from calibrate.devices import calibrate_recording, known_noise, record_samples, scores
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
@@ -24,8 +24,8 @@ SEEDS = 3
 
 
 def of_log(log):
-    made = recorded(log)
-    return *calibrated(made, NOISE, TRUTH.gravity), made
+    made = record_samples(log)
+    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
 
 
 def in_order(log):
@@ -63,7 +63,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     # the mean score has a standard error of 1/sqrt(SEEDS)
     drift = each.mean(axis=0) * np.sqrt(SEEDS)
     assert np.all(np.abs(drift) < 3.3), drift
-    # of 63 scores, some of one device alike
+    # of 63 scores, some of which correlate within a device
     assert (np.abs(each) < 1.96).mean() >= 0.88
     assert np.mean(chi2) == pytest.approx(1, abs=0.25)
 
@@ -97,7 +97,7 @@ def calibrated_from_file(log, folder):
     table = segment_session(samples, paths["kind"], SegmentSettings(), rails=rails)[0]
     write_table(paths["segments"], table)
     made = read_recording({"s": paths}, 30.0)
-    return *calibrated(made, NOISE, TRUTH.gravity), made
+    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
 
 
 # the upper end alone, or both

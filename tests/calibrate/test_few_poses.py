@@ -10,7 +10,7 @@ from bench.realistic.plain import fit_accelerometer
 from calibrate.devices import (
     UNKNOWN_NOISE,
     at_rest,
-    calibrated,
+    calibrate_recording,
     known_noise,
     recording,
     true_parameters,
@@ -26,13 +26,13 @@ UP = TRUTH.gravity * ATTITUDES / np.linalg.norm(ATTITUDES, axis=1)[:, None]
 
 
 @cache
-def whole(seed):
+def whole_recording(seed):
     return recording(TRUTH, seed)
 
 
 def poses(seed, count):
     """Return the first poses of a simulated recording and the turns between them."""
-    made = whole(6300 + seed)
+    made = whole_recording(6300 + seed)
     return made.select(np.arange(len(made.poses)) < count)
 
 
@@ -43,7 +43,7 @@ def error(calibration):
     return np.sqrt(np.mean(np.sum((calibration.aligned(raw) - UP) ** 2, axis=1)))
 
 
-def plain(made):
+def plain_error(made):
     """Return the calibration's error by the plain fit of the accelerometer with the same prior."""
     fit = fit_accelerometer(made.poses.f, prior=True)
     true = TRUTH.accelerometer
@@ -56,10 +56,10 @@ def test_no_number_of_poses_is_refused_and_turns_help(count, most):
     ratios = []
     for seed in SEEDS:
         made = poses(seed, count)
-        force, turn = calibrated(made, NOISE, TRUTH.gravity)
+        force, turn = calibrate_recording(made, NOISE, TRUTH.gravity)
         assert force.method == turn.method == "multi_position"
         assert force.not_testable is turn.not_testable is None
-        ratios.append(error(force) / plain(made))
+        ratios.append(error(force) / plain_error(made))
     assert np.median(ratios) <= most
 
 
@@ -68,7 +68,7 @@ def test_intervals_cover_the_truth_however_few_poses_there_are():
     for seed in SEEDS:
         for count in (1, 4, 8):
             for sensor, part in zip(
-                calibrated(poses(seed, count), NOISE, TRUTH.gravity),
+                calibrate_recording(poses(seed, count), NOISE, TRUTH.gravity),
                 (true[:9], true[9:]),
                 strict=True,
             ):
@@ -94,7 +94,7 @@ BETWEEN = np.array([[1.0, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]]) / np.sqrt(2
     ],
 )
 def test_what_the_poses_did_not_show_is_named_with_the_poses_to_add(attitudes, named):
-    force, _ = calibrated(at_rest(9.80665 * attitudes, 1e-3), UNKNOWN_NOISE, 9.80665)
+    force, _ = calibrate_recording(at_rest(9.80665 * attitudes, 1e-3), UNKNOWN_NOISE, 9.80665)
     found = remarks("accelerometer", force)
     assert found == [] if named is None else found[0].startswith(named)
     of_data_sheet = {row[0] for row in force.parameters("accelerometer") if row[4] == "data sheet"}
@@ -103,7 +103,7 @@ def test_what_the_poses_did_not_show_is_named_with_the_poses_to_add(attitudes, n
 
 def test_a_board_with_half_a_g_of_offset_is_calibrated_and_reported():
     f = 9.80665 * UP[:20] / TRUTH.gravity + [0.0, 0.0, 0.5 * 9.80665]
-    force, _ = calibrated(at_rest(f, 1e-3), UNKNOWN_NOISE, 9.80665)
+    force, _ = calibrate_recording(at_rest(f, 1e-3), UNKNOWN_NOISE, 9.80665)
     assert force.not_testable is None
     np.testing.assert_allclose(force.b, [0, 0, 0.5 * 9.80665], atol=0.02)
     assert [*force.far_off] == ["b2"]
@@ -115,7 +115,7 @@ def test_a_board_with_half_a_g_of_offset_is_calibrated_and_reported():
 def test_an_offset_within_three_standard_deviations_contradicts_nothing(count):
     """Protects few poses: their residual is the prior's, and no chance of one device in fifty."""
     f = 9.80665 * UP[:count] / TRUTH.gravity * (1 + 3 * 0.5 / 9.80665)
-    force, _ = calibrated(at_rest(f, 1e-3), UNKNOWN_NOISE, 9.80665)
+    force, _ = calibrate_recording(at_rest(f, 1e-3), UNKNOWN_NOISE, 9.80665)
     assert (force.method, force.not_testable) == ("multi_position", None)
 
 
@@ -126,6 +126,6 @@ def test_an_accelerometer_alone_is_calibrated():
         w=np.zeros_like(made.poses.w),
         variance=np.where(np.arange(6) < 3, made.poses.variance, 0.0),
     )
-    force, turn = calibrated(replace(made, poses=silent), UNKNOWN_NOISE, TRUTH.gravity)
+    force, turn = calibrate_recording(replace(made, poses=silent), UNKNOWN_NOISE, TRUTH.gravity)
     assert force.method == "multi_position"
     assert turn.not_testable

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401
-from bench.study.chain import through
+from bench.study.chain import run_stages
 from imuloop import chain
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.known_rotation import read_turns
@@ -24,12 +24,12 @@ T = np.array([[1.0, 0.006, -0.004], [0.003, 1.0, 0.002], [-0.005, 0.001, 1.0]])
 BIAS = np.array([0.004, -0.002, 0.001])
 
 
-def calibrated(folder, kinds, declared, paths):
+def calibrate_device(folder, kinds, declared, paths):
     device = Device("d", folder, kinds)
     for name in kinds:
         own = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}
         chain.ingest(device, name, own, [paths[name]])
-    through(device, (chain.segment, chain.noise, chain.calibrate))
+    run_stages(device, (chain.segment, chain.noise, chain.calibrate))
     return device
 
 
@@ -56,7 +56,7 @@ def turntable(tmp_path_factory):
     table.to_parquet(folder / "log.parquet")
     declared = {"known_rotation": sections}
     paths = {"turns": folder / "log.parquet"}
-    return calibrated(folder / "d", {"turns": "known_rotation"}, declared, paths)
+    return calibrate_device(folder / "d", {"turns": "known_rotation"}, declared, paths)
 
 
 def test_turntable_gives_scale_and_axes(turntable):

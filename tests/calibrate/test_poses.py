@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 
-from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
+from calibrate.devices import RATE_UNIT, calibrate_recording, known_noise, recording
 from imuloop.calibrate.nominal import rest_bias
 from imuloop.calibrate.poses import gather_poses, rounding_variance
 from imuloop.calibrate.recording import record
@@ -52,7 +52,7 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     rng, step = np.random.default_rng(10), 0.04
     exact = rng.uniform(-1, 1, (4000, 1)) + step * noise * rng.standard_normal((4000, 400))
     logged = np.round(exact / step) * step
-    # of what the means are off, that of independent samples is in the variance within the poses
+    # errors of the means, without the part that the variance within the poses has already
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
     foreseen = rounding_variance(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread
@@ -90,7 +90,7 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
     factor = np.where(np.arange(6) == axis, variance, 1.0)
     poses = replace(made.poses, variance=made.poses.variance * factor)
     noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: own})
-    force, turn = calibrated(replace(made, poses=poses), noise, TRUTH.gravity)
+    force, turn = calibrate_recording(replace(made, poses=poses), noise, TRUTH.gravity)
     reason = f"{CHANNELS[axis]} {what}: its noise is not known"
     for sensor, silent in ((force, axis < 3), (turn, axis >= 3)):
         expected = ("nominal", reason) if silent else ("multi_position", None)

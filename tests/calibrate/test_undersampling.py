@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibrate import hand
-from calibrate.devices import recorded
+from calibrate.devices import record_samples
 from imuloop.calibrate.undersampling import aliased_turns, middle_steps
 from imuloop.core.rotation import exponential, prefix_product, step_vectors
 from imuloop.simulate.simulate import simulate_session
@@ -16,14 +16,14 @@ from seeds import seeds
 NOISE, TURNS = 2e-3, 40
 
 
-def turned(w, rate):
+def turn_of_samples(w, rate):
     """Return the turn that samples of a rate make."""
     steps = step_vectors(w, np.full(len(w) - 1, 1 / rate))
     return Rotation.from_quat(prefix_product(exponential(steps))[-1], scalar_first=True)
 
 
-def foreseen(turns, rate, noise=NOISE, rng=None):
-    """Return what `aliased_turns` does of turns, one after the other in a log."""
+def foresee_error(turns, rate, noise=NOISE, rng=None):
+    """Return the result of `aliased_turns` for turns, one after the other in a log."""
     last = np.cumsum([len(w) for w in turns]) - 1
     w = np.concatenate(turns)
     if noise:
@@ -35,11 +35,11 @@ def foreseen(turns, rate, noise=NOISE, rng=None):
     )
 
 
-def drawn(seed, rate):
+def draw_turns(seed, rate):
     """Return turns as they are and as they are logged, and the generator."""
     rng = np.random.default_rng(seed)
     whole = [hand.turn(rng) for _ in range(TURNS)]
-    return whole, [hand.sampled(w, rate, rng) for w in whole], rng
+    return whole, [hand.sample_rate(w, rate, rng) for w in whole], rng
 
 
 @seeds(5, 20)
@@ -47,10 +47,10 @@ def drawn(seed, rate):
 def test_the_error_of_turns_by_hand_is_foreseen_within_20_per_cent(seeds, rate):
     expected, found = [], []
     for seed in range(seeds):
-        whole, logged, rng = drawn(seed, rate)
-        expected.append(foreseen(logged, rate, rng=rng)[0])
+        whole, logged, rng = draw_turns(seed, rate)
+        expected.append(foresee_error(logged, rate, rng=rng)[0])
         for w, own in zip(whole, logged, strict=True):
-            lack = turned(own, rate) * turned(w, hand.RATE).inv()
+            lack = turn_of_samples(own, rate) * turn_of_samples(w, hand.RATE).inv()
             found.append(lack.as_rotvec() ** 2)
     assert np.sqrt(np.mean(expected) / np.mean(found)) == pytest.approx(1, abs=0.2)
 
@@ -58,15 +58,15 @@ def test_the_error_of_turns_by_hand_is_foreseen_within_20_per_cent(seeds, rate):
 def test_turns_that_lose_more_are_foreseen_to_and_along_what_they_lose():
     gain = []
     for seed in range(2):
-        whole, logged, rng = drawn(seed, 50)
-        size, _, covariance = foreseen(logged, 50, rng=rng)
+        whole, logged, rng = draw_turns(seed, 50)
+        size, _, covariance = foresee_error(logged, 50, rng=rng)
         at = middle_steps(np.array([len(w) for w in logged]))
         np.testing.assert_allclose(np.trace(covariance.sum(axis=1), 0, 1, 2), 3 * size)
         for k, (w, own) in enumerate(zip(whole, logged, strict=True)):
-            lack = (turned(own, 50) * turned(w, hand.RATE).inv()).as_rotvec()
-            steps = [turned(own[: i + 2], 50).as_matrix() for i in at[k]]
+            lack = (turn_of_samples(own, 50) * turn_of_samples(w, hand.RATE).inv()).as_rotvec()
+            steps = [turn_of_samples(own[: i + 2], 50).as_matrix() for i in at[k]]
             of_turn = sum(C @ part @ C.T for C, part in zip(steps, covariance[k], strict=True))
-            # logarithm of the likelihood, over that of turns that are all alike
+            # logarithm of the likelihood, over the one with the same covariance for all turns
             for matrix, sign in ((of_turn, 1), (size.mean() * np.eye(3), -1)):
                 squares = lack @ np.linalg.solve(matrix, lack)
                 gain.append(-sign * (np.linalg.slogdet(matrix)[1] + squares) / 2)
@@ -76,14 +76,14 @@ def test_turns_that_lose_more_are_foreseen_to_and_along_what_they_lose():
 @pytest.mark.parametrize("share", [0.0, 0.03])
 def test_turns_that_are_followed_lose_nothing_even_where_samples_are_lost(share):
     log = simulate_session(example_truth(), "multi_position", 3)
-    made = recorded(lose(log, share, np.random.default_rng(1)))
+    made = record_samples(lose(log, share, np.random.default_rng(1)))
     assert len(made.rotations) and not made.rotations.aliased.any()
 
 
 def test_without_noise_and_without_a_turn():
-    size, *_ = foreseen([np.zeros((50, 3))] * 3, 100, noise=0)
+    size, *_ = foresee_error([np.zeros((50, 3))] * 3, 100, noise=0)
     assert not size.any()
     bell = np.outer(hand.bell(np.arange(100) / 100), [1, 2, 3])
-    size, fall, *_ = foreseen([bell] * 3, 100, noise=0)
+    size, fall, *_ = foresee_error([bell] * 3, 100, noise=0)
     assert np.sqrt(size.max()) < 1e-5
     assert fall[0] > 5

@@ -1,4 +1,4 @@
-"""Devices to run, a SLURM of this machine and an S3 on it; a skip says what is missing for them."""
+"""Devices to run, a SLURM of this machine and an S3 on it; a skip names the missing programs."""
 
 import importlib.util
 import os
@@ -16,7 +16,7 @@ from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 
 SLURM = Path(__file__).with_name("slurm")
-# what the local S3 takes for an account
+# account of the local S3
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
 
 
@@ -82,7 +82,7 @@ def slurm():
     if os.getuid():
         pytest.skip("only root starts a SLURM: its daemons change users")
     if Path("/etc/slurm/slurm.conf").exists():
-        pytest.skip("/etc/slurm/slurm.conf is there: this machine has a SLURM of its own")
+        pytest.skip("/etc/slurm/slurm.conf is there: this machine has its own SLURM")
     # munge wants a folder that all may enter, which pytest's are not
     with tempfile.TemporaryDirectory(prefix="imuloop-slurm-") as folder:
         try:
@@ -105,7 +105,7 @@ def s3():
     names = {"aws_access_key_id": "any", "aws_secret_access_key": "any"}
     client = boto3.client("s3", endpoint_url=address, region_name="us-east-1", **names)
     client.create_bucket(Bucket="logs")
-    # none but what a test gives: no file of the user's, no machine that lends a role
+    # only credentials of the test: no file of the user, no machine that lends a role
     nothing = dict.fromkeys(("AWS_SHARED_CREDENTIALS_FILE", "AWS_CONFIG_FILE"), os.devnull)
     yield client, nothing | {"AWS_ENDPOINT_URL": address, "AWS_EC2_METADATA_DISABLED": "true"}
     started.stop()

@@ -21,7 +21,7 @@ TARGET = "results/imu/noise.json"
 
 
 @pytest.fixture(scope="module")
-def both(repository, s3, tmp_path_factory):
+def both_runs(repository, s3, tmp_path_factory):
     """A device run on local files, and on the same ones in the S3."""
     client, environment = s3
     here, there = (tmp_path_factory.mktemp(name) for name in ("here", "there"))
@@ -35,17 +35,17 @@ def both(repository, s3, tmp_path_factory):
     return here, there
 
 
-def test_a_log_in_s3_gives_the_results_of_the_local_file(both):
-    local, remote = (contents(folder / "results") for folder in both)
+def test_a_log_in_s3_gives_the_results_of_the_local_file(both_runs):
+    local, remote = (contents(folder / "results") for folder in both_runs)
     assert set(local) == set(remote)
     for path in local:
         if path.endswith("samples.parquet"):
-            tables = [pq.read_table(folder / "results" / path) for folder in both]
+            tables = [pq.read_table(folder / "results" / path) for folder in both_runs]
             assert tables[0].equals(tables[1])
             mine, other = (table.schema.metadata[b"imuloop"] for table in tables)
             assert other.replace(FOLDER, b"") == mine
         else:
-            # to the byte, but for the address, where the record says what was read
+            # to the byte, but for the address, where the record names the source
             assert remote[path].replace(FOLDER, b"") == local[path], path
 
 
@@ -56,7 +56,7 @@ def test_a_log_that_is_not_there_is_named(repository, s3, tmp_path):
     assert done.returncode == 1 and address in done.stdout + done.stderr
 
 
-def test_every_command_of_the_document_can_be_planned(repository, both, s3):
+def test_every_command_of_the_document_can_be_planned(repository, both_runs, s3):
     needs_plugin("executor_plugin_slurm")
     text = (repository / "docs/clusters.md").read_text()
     lines = re.findall(r"^\.venv-cluster/bin/snakemake (.*) -- results/report.html$", text, re.M)
@@ -64,5 +64,5 @@ def test_every_command_of_the_document_can_be_planned(repository, both, s3):
     for line in lines:
         words = shlex.split(line.replace("--configfile config.yaml", ""))
         words = [repository / w if w.startswith("profiles/") else w for w in words]
-        done = run(repository, both[1], *words, "-n", **s3[1] | KEYS)
+        done = run(repository, both_runs[1], *words, "-n", **s3[1] | KEYS)
         assert done.returncode == 0, f"{line}\n{done.stderr}"

@@ -7,9 +7,9 @@ import sys
 import pytest
 
 from cluster.conftest import contents, run, write_devices
-from workflow.conftest import copied
+from workflow.conftest import copy_checkout
 
-# what is added to the script of the segmentation
+# lines added to the script of the segmentation
 HARM = """
 if device.name == "broken":
     raise RuntimeError("on purpose")
@@ -25,14 +25,14 @@ ASKED = "%C|%m|%T|%Z"
 @pytest.fixture(scope="module")
 def checkout(repository, tmp_path_factory):
     """A copy of the workflow in which one device fails."""
-    edited = copied(repository, tmp_path_factory.mktemp("checkout"))
+    edited = copy_checkout(repository, tmp_path_factory.mktemp("checkout"))
     with open(edited / "scripts/segment.py", "a") as script:
         script.write(HARM)
     return edited
 
 
 @pytest.fixture(scope="module")
-def here(checkout, tmp_path_factory):
+def local_results(checkout, tmp_path_factory):
     """The results of the good device on this machine."""
     folder = tmp_path_factory.mktemp("here")
     write_devices(folder, ["good", "broken"])
@@ -42,8 +42,8 @@ def here(checkout, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def submitted(checkout, slurm, tmp_path_factory):
-    """A folder whose two devices were submitted, what was said, and the submissions."""
+def submission(checkout, slurm, tmp_path_factory):
+    """A folder whose two devices were submitted, the output, and the submissions."""
     folder = tmp_path_factory.mktemp("there")
     write_devices(folder, ["good", "broken"])
     done = run(checkout, folder, "--profile", checkout / slurm, *QUICK, KEPT, target=TARGET)
@@ -53,16 +53,18 @@ def submitted(checkout, slurm, tmp_path_factory):
     return folder, done, [job[:-1] for job in jobs if job[-1] == str(folder)]
 
 
-def test_a_device_on_slurm_is_one_submission_and_gives_the_same_bytes_as_here(submitted, here):
-    folder, _, jobs = submitted
-    assert contents(folder / "results/good") == here
+def test_a_device_on_slurm_is_one_submission_and_gives_the_same_bytes_as_here(
+    submission, local_results
+):
+    folder, _, jobs = submission
+    assert contents(folder / "results/good") == local_results
     assert sorted(state for *_, state in jobs) == ["COMPLETED", "FAILED"]
     # what both sessions' ingest asks for at once with hardly any log
     assert all(cores == "2" and 1900 <= int(memory.rstrip("M")) < 2000 for cores, memory, _ in jobs)
 
 
-def test_a_failing_job_is_reported_with_a_log_that_says_why(submitted):
-    folder, done, _ = submitted
+def test_a_failing_job_is_reported_with_a_log_that_says_why(submission):
+    folder, done, _ = submission
     assert done.returncode == 1
     log = re.search(r"Error in group device(?:.*\n)*? +log: (\S+)", done.stderr)[1]
     assert "segment broken: an error in the code of imuloop (RuntimeError)" in (
@@ -70,7 +72,7 @@ def test_a_failing_job_is_reported_with_a_log_that_says_why(submitted):
     )
 
 
-def test_each_job_of_an_array_works_on_its_share(repository, slurm, here, tmp_path):
+def test_each_job_of_an_array_works_on_its_share(repository, slurm, local_results, tmp_path):
     write_devices(tmp_path, ["good", "broken"])
 
     def sbatch(*options):
@@ -82,6 +84,6 @@ def test_each_job_of_an_array_works_on_its_share(repository, slurm, here, tmp_pa
     sbatch("--array=1-2", "--mem=1500")
     # as the job that makes the report
     sbatch("--dependency=singleton", "--mem=1500", "--wait")
-    assert contents(tmp_path / "results/good") == here
+    assert contents(tmp_path / "results/good") == local_results
     said = [path.read_text() for path in tmp_path.glob("slurm-*.out")]
     assert sorted(text.count("rule noise:") for text in said) == [0, 1, 1]

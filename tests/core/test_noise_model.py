@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from calibrate.devices import known
+from calibrate.devices import coefficient
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import (
     AxisNoise,
@@ -18,22 +18,24 @@ from imuloop.core.samples import CHANNELS
 from imuloop.noise.processes import gauss_markov_samples, sample_covariances
 
 PROCESSES = {
-    "quantisation": AxisNoise(Q=known(0.3)),
-    "white": AxisNoise(N=known(0.2)),
-    "flicker": AxisNoise(B=known(0.05)),
-    "walk": AxisNoise(K=known(0.02)),
-    "gauss_markov": AxisNoise(gauss_markov=(GaussMarkovTerm(known(0.1), known(4.0)),)),
-    "sinusoid": AxisNoise(sinusoid=(SinusoidTerm(known(0.3), known(0.07), "50 Hz mains, alias"),)),
+    "quantisation": AxisNoise(Q=coefficient(0.3)),
+    "white": AxisNoise(N=coefficient(0.2)),
+    "flicker": AxisNoise(B=coefficient(0.05)),
+    "walk": AxisNoise(K=coefficient(0.02)),
+    "gauss_markov": AxisNoise(gauss_markov=(GaussMarkovTerm(coefficient(0.1), coefficient(4.0)),)),
+    "sinusoid": AxisNoise(
+        sinusoid=(SinusoidTerm(coefficient(0.3), coefficient(0.07), "50 Hz mains, alias"),)
+    ),
 }
 PROCESSES["all"] = AxisNoise(
-    known(0.3),
-    known(0.2),
-    known(0.05),
-    known(0.02),
+    coefficient(0.3),
+    coefficient(0.2),
+    coefficient(0.05),
+    coefficient(0.02),
     Coefficient(upper95=1e-3),
     PROCESSES["gauss_markov"].gauss_markov,
     PROCESSES["sinusoid"].sinusoid,
-    LowPassTerm("second order", known(20.0), 0.01),
+    LowPassTerm("second order", coefficient(20.0), 0.01),
 )
 process = pytest.mark.parametrize("name", PROCESSES)
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order
@@ -44,7 +46,7 @@ def model(axis):
     return NoiseModel("device", dict.fromkeys(CHANNELS, axis))
 
 
-def sampled(axis, n, dt):
+def lag_covariance(axis, n, dt):
     """Return the covariance at lags of 0, 1, ... samples."""
     q, w, b, k = sample_covariances(n, dt)
     sizes = np.array([axis.Q.value or 0, axis.N.value or 0, axis.B.value or 0, axis.K.value or 0])
@@ -66,15 +68,15 @@ def test_pose_means_are_means_of_samples(name):
     middle = dt * (np.arange(n) + 0.5)
     average = (WINDOWS[:, :1] < middle) & (middle < WINDOWS[:, 1:])
     average = average / average.sum(axis=1, keepdims=True)
-    # flicker and walk have no level of their own: what a fitted bias absorbs is taken out of both
+    # flicker and walk have an arbitrary level: the part that a fitted bias absorbs is removed
     free = np.eye(6) - 1 / 6
-    expected = free @ average @ toeplitz(sampled(PROCESSES[name], n, dt)) @ average.T @ free
+    expected = free @ average @ toeplitz(lag_covariance(PROCESSES[name], n, dt)) @ average.T @ free
     std = np.sqrt(np.diag(expected))
     error = np.abs(free @ found[4] @ free - expected) / (std[:, None] * std)
     assert error.max() < 2e-3
     assert not np.delete(found, 4, axis=0).any()
-    # a ramp is no part of it
-    assert not model(AxisNoise(R=known(0.1))).mean_covariance(WINDOWS).any()
+    # a ramp is not part of it
+    assert not model(AxisNoise(R=coefficient(0.1))).mean_covariance(WINDOWS).any()
 
 
 @process

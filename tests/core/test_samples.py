@@ -1,4 +1,4 @@
-"""Samples by column and by range of rows are those of the whole table, of a file and of a table."""
+"""Samples by column and by range of rows equal the whole table's, from a file and from a table."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""How the sensors of a simulated device are fitted at the poses, and what is looked for there."""
+"""Fits of the sensors of a simulated device at the poses, and the effects searched for there."""
 
 from calibrate.devices import UNITS, known_noise
 from imuloop.calibrate.calibrate import start_fit
@@ -9,7 +9,7 @@ from imuloop.model.effects import EffectKind, SensorEffect
 
 
 def fitted_pair(truth, recording, noise=None, prior=None):
-    """Return the JointFit of a recording, None without one, and why a sensor is not fitted."""
+    """Return the JointFit of a recording or None, and the reason why a sensor is not fitted."""
     noise = noise or known_noise(truth)
     return start_fit(recording, noise, truth.gravity, UNITS, prior)
 
@@ -22,7 +22,7 @@ def pair_of(truth, recording, noise=None):
 
 
 def of_sensor(sensor, *effects):
-    """Return effects as those of one sensor."""
+    """Return effects of one sensor."""
     return tuple(SensorEffect(effect, sensor) for effect in effects)
 
 
@@ -37,7 +37,7 @@ def problem_of(pair, recording, variants=None, folds=10, **more):
     return PoseProblem(pair, recording, variants or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
 
 
-def diagnosed(truth, recording, noise=None, tests=0, **settings):
+def pose_result(truth, recording, noise=None, tests=0, **settings):
     """Return the PoseResult of a recording."""
     pair, reasons = fitted_pair(truth, recording, noise)
     problem = pair and pose_problem(pair, recording, DiagnoseSettings(**settings), tests)

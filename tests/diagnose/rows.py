@@ -69,18 +69,18 @@ class Rows:
 
 
 def rows(values, nuisance, columns, covariances=(), threshold=0.05):
-    """Return rows with a problem of their own.
+    """Return rows with their own problem.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Residuals.
     nuisance : ndarray, shape (n, p)
-        What every fit has.
+        Columns that every fit has.
     columns : dict of Effect to ndarray, shape (n,) or (n, q)
         The candidates.
     covariances : sequence of ndarray, shape (n, n)
-        What the noise may be; white of variance one without.
+        Hypotheses of the noise; white noise of variance one if empty.
     threshold : float
         Largest p-value that passes.
     """

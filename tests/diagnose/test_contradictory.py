@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import recording
-from diagnose.models import diagnosed
+from diagnose.models import pose_result
 from imuloop.simulate.truth import example_truth
 
 
@@ -15,7 +15,7 @@ def test_poses_on_no_ellipsoid_are_not_handed_out(offset, refused, no_limits):
     truth = example_truth()
     made = recording(truth, 0)
     f = made.poses.f + offset * (np.arange(len(made.poses)) % 2)[:, None]
-    found = diagnosed(truth, replace(made, poses=replace(made.poses, f=f)), folds=5)
+    found = pose_result(truth, replace(made, poses=replace(made.poses, f=f)), folds=5)
     assert ("accelerometer" not in found.calibrations) == refused
     if refused:
         assert found.contents["accelerometer"]["verdict"] == "not_testable"

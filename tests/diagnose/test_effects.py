@@ -28,7 +28,7 @@ CONTRACT = {
     "gyroscope": f"""{BOTH} g_sensitivity g2_sensitivity scale_nonlinearity scale_asymmetry
         earth_rate gyro_axis_delay anisoinertia""",
 }
-# those of the library's own folder that a calibration can hold
+# effects of the library's folder that a calibration can hold
 LIBRARY = {
     name: effect
     for name, effect in Effect.library.items()
@@ -59,7 +59,7 @@ VARIANTS = [
 ]
 
 
-def fitted(effect, seed=0, size=1.0):
+def draw_effect(effect, seed=0, size=1.0):
     values = np.random.default_rng(seed).normal(scale=size, size=len(effect.parameters))
     return FittedEffect(effect, dict(zip(effect.parameters, values.tolist(), strict=True)), {})
 
@@ -87,7 +87,7 @@ MEMORY = ("bias_temperature_rate", "thermal_hysteresis", "reorientation", "warm_
 
 
 def written_out(variant, p, channels):
-    """Return what an effect adds, by equations apart from the library's."""
+    """Return the values of an effect, by equations apart from the library's."""
     if variant.name == "bias_temperature":
         warm = channels.temperature
         if variant.lag:
@@ -108,7 +108,7 @@ ELSEWHERE = ("vibration_rectification", "lever_arm", "time_offset", "gyro_axis_d
 
 @pytest.mark.parametrize("variant", [s for s in VARIANTS if s.values[0].name not in ELSEWHERE])
 def test_the_design_is_the_equation(variant):
-    channels, effect = log(300), fitted(variant, 1)
+    channels, effect = log(300), draw_effect(variant, 1)
     expected = written_out(variant, effect.values, channels)
     np.testing.assert_allclose(effect.output(channels), expected, rtol=1e-12, atol=1e-12)
 
@@ -128,7 +128,7 @@ def test_a_pose_sees_the_mean_over_its_samples(variant):
     np.testing.assert_allclose(variant.design(poses), expected, rtol=1e-12, atol=1e-15)
 
 
-def at(channels, rows):
+def select_rows(channels, rows):
     values = asdict(channels)
     names = ("t", "output", "other", "temperature", "power_cycle")
     return replace(channels, **{name: values[name][rows] for name in names})
@@ -145,11 +145,11 @@ EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
 
 @pytest.mark.parametrize("variant", EVERY, ids=str)
 def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(variant):
-    """A part of a log gives what the whole log does, or it is `timed` or of a `rate_of_change`.
+    """A part of a log gives the values of the whole log, or it is `timed` or of a `rate_of_change`.
 
     A single sample gives that too or is refused, and without its time where the time counts.
     """
-    whole, effect = log(), fitted(variant, 2)
+    whole, effect = log(), draw_effect(variant, 2)
     expected = effect.output(whole)
 
     def same(channels, rows):
@@ -157,11 +157,11 @@ def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(va
 
     part = slice(150, 250)
     declared = bool(variant.timed or variant.rate_of_change)
-    assert declared or same(at(whole, part), part)
-    assert declared or same(replace(at(whole, part), t=np.zeros(100)), part)
+    assert declared or same(select_rows(whole, part), part)
+    assert declared or same(replace(select_rows(whole, part), t=np.zeros(100)), part)
     for k in (150, 399):
         try:
-            assert same(at(whole, [k]), [k])
+            assert same(select_rows(whole, [k]), [k])
         except ImuloopError as error:
             assert declared and "give the whole log" in str(error)
     if "power_cycle" in variant.needs:
@@ -190,7 +190,7 @@ def test_an_effect_is_held_to_what_its_data_showed(variant):
         whole.temperature[100:150],
         power_cycle=whole.power_cycle[100:150],
     )
-    free = replace(fitted(variant, 6), std=dict.fromkeys(variant.parameters, 0.5))
+    free = replace(draw_effect(variant, 6), std=dict.fromkeys(variant.parameters, 0.5))
     held = free.with_ranges([some])
     # in the data nothing changes, and elsewhere no parameter adds more than it did there
     np.testing.assert_array_equal(held.output(some), free.output(some))
@@ -211,11 +211,11 @@ def test_an_effect_is_held_to_what_its_data_showed(variant):
 def test_a_calibration_undoes_what_the_simulator_adds(variant):
     if "power_cycle" in variant.needs:
         # of a power cycle that it does not know a calibration knows nothing
-        assert not fitted(variant, 4).output(replace(log(), power_cycle=None)).any()
+        assert not draw_effect(variant, 4).output(replace(log(), power_cycle=None)).any()
         return
     truth, channels = example_truth(), log(600, 3)
     # each parameter adds some hundredths of its unit
-    effect = fitted(variant, 4, 0.02 / np.abs(variant.design(channels)).max())
+    effect = draw_effect(variant, 4, 0.02 / np.abs(variant.design(channels)).max())
     f, w = channels.output, channels.other
     made, logged = {}, {}
     for sensor, x, other in (("accelerometer", f, w), ("gyroscope", w, f)):
@@ -274,7 +274,7 @@ def test_vibration_is_counted_and_the_turn_beside_it_is_not():
     y[:, 0] += np.where(t > 21, np.sqrt(2) * 0.5 * np.sin(2 * np.pi * 17.3 * t), 0)
     y += 0.01 * rng.normal(size=y.shape)
     found = find_effect("vibration_rectification")().design(Channels(t, y, y))
-    # all but the tenth of a second beside the turn
+    # all but the tenth of a second next to the turn
     still = (t < 18.9) | (t > 21.1)
     assert found[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
     assert found[still, 2, 2].max() < 2e-4

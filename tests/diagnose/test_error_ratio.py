@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.estimate.held_out import ratio_interval
 
 
-def covered(rng, parts):
+def covers(rng, parts):
     """Return whether the interval covers the ratio of drawn errors, noise and noise with more.
 
     The noise has heavy tails and is correlated from row to row; parts differ in length by two.
@@ -19,7 +19,7 @@ def covered(rng, parts):
 
 def test_the_interval_covers_the_ratio():
     rng = np.random.default_rng(1)
-    found = [covered(rng, parts) for parts in (4, 5, 8, 10, 12) for _ in range(500)]
+    found = [covers(rng, parts) for parts in (4, 5, 8, 10, 12) for _ in range(500)]
     assert 0.93 < np.mean(found) < 0.97
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imuloop.core.files import read_json
-from quick import diagnosed
+from quick import diagnose_log
 from result_files import fault
 from segment.logs import static_log, xsens
 
@@ -12,11 +12,11 @@ GRAVITY = 9.81744
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
 
-def halved(log):
+def halve_end(log):
     log.loc[log.t > log.t.iloc[-1] / 2, F] /= 2
 
 
-def clipped(channels, size):
+def clip(channels, size):
     def harm(log):
         log[channels] = log[channels].clip(-size, size)
 
@@ -30,17 +30,17 @@ NOTHING = "not_testable"
 @pytest.mark.parametrize(
     ("harm", "force", "turn"),
     [
-        # 7 of 38 rests are left out; verdicts are those of the log as it was
-        (clipped(F, 1.05 * GRAVITY), "consistent", "explained"),
-        (clipped(W, 1.5), "consistent", NOTHING),
-        (halved, NOTHING, NOTHING),
+        # 7 of 38 rests are left out; verdicts are as for the whole log
+        (clip(F, 1.05 * GRAVITY), "consistent", "explained"),
+        (clip(W, 1.5), "consistent", NOTHING),
+        (halve_end, NOTHING, NOTHING),
     ],
     ids=["accelerometer clipped", "gyroscope clipped", "scale halves"],
 )
 def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     log = xsens(recordings)
     harm(log)
-    diagnosis = diagnosed(tmp_path, log, gravity=GRAVITY)
+    diagnosis = diagnose_log(tmp_path, log, gravity=GRAVITY)
     assert {str(p): wrong for p in tmp_path.rglob("*.json") if (wrong := fault(p))} == {}
     calibration = read_json(tmp_path / "calibration.json")
     for sensor, verdict in (("accelerometer", force), ("gyroscope", turn)):
@@ -50,17 +50,17 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
         assert effects == ["g_sensitivity"] * (verdict == "explained")
         if verdict == NOTHING:
             assert poses["why"]
-            # what nothing is known of is passed on as it was
+            # a sensor without a calibration is passed on as it was
             assert calibration[sensor]["T"] == np.eye(3).tolist()
         else:
             assert all(r["chi2_before"] > 0 for r in poses["residuals"].values())
 
 
 def test_a_log_that_is_rejected_is_no_device_without_it(tmp_path):
-    """Protects figures of several logs: of two of three trials they were taken for those of all."""
+    """Protects several logs: figures of two of three trials were taken for figures of all."""
     log = static_log(1, 1000)
     log[F] = 1.0
     with pytest.raises(
         RuntimeError, match=r"^imu/log was rejected: the acceleration never changes"
     ):
-        diagnosed(tmp_path, log)
+        diagnose_log(tmp_path, log)

@@ -1,4 +1,4 @@
-"""The same linear problem as every kind of record has the same p-value, that of the book."""
+"""A linear problem has the p-value of the book in every kind of record."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -73,10 +73,10 @@ class Linear:
         return f_distribution.sf((before - after) / max(least, after / dof), 1, dof)
 
 
-def linear(size):
+def linear_problem(size):
     """Return a problem whose residual has about `size` squared times the variance of its noise.
 
-    The columns and what is in the noise beyond its variance change slowly, as its covariance does:
+    The columns and the noise beyond its variance change slowly, as its covariance does:
     white noise added to it makes nothing likelier, so that the covariance is the only hypothesis.
     """
     rng = np.random.default_rng(11)
@@ -134,7 +134,7 @@ def poses(problem):
     return PoseProblem(LinearSensor(), problem, OF_CLASS, SETTINGS, TESTS, problem.part)
 
 
-def static(problem):
+def static_problem(problem):
     """Return the problem as static records: groups of rows with levels; candidates on an axis."""
     values, columns = (np.split(each, [ROWS[0]]) for each in (problem.y, problem.columns))
     records = []
@@ -151,7 +151,7 @@ def static(problem):
 
 # each kind of record, and the least share of the noise's variance that a residual can have: 1 where
 # the size of the noise is known, 0 where the residual alone shows it
-KINDS = {"poses": (poses, 1.0), "static": (static, 0.0)}
+KINDS = {"poses": (poses, 1.0), "static": (static_problem, 0.0)}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -166,10 +166,10 @@ def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, held
 
     and p is the upper tail of F with q and ν degrees of freedom. The excess s is estimated; it is
     never less than 1 where the size of the noise is known, so smaller residuals prove nothing.
-    Of an effect in several variants, p is the least times their number.
+    For an effect in several variants, p is the least times their number.
     """
     make, least = KINDS[kind]
-    problem = linear(size)
+    problem = linear_problem(size)
     search = Search(make(problem), frozenset(held_out))
     expected = [problem.p_value(base, e, held_out, least) for e in (CANDIDATE, LIKE_IT)]
     found = [search.test(base, e).p_value for e in (CANDIDATE, LIKE_IT)]
@@ -188,7 +188,7 @@ def test_poses_average_over_how_much_they_are_above_their_noise():
     The parts are as the probabilities of the two by Schwarz' criterion under each c, averaged, that
     without the candidate half at most.
     """
-    problem = linear(1.0)
+    problem = linear_problem(1.0)
     y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.11 * problem.columns[:, 1]
     problem = replace(problem, y=y, covariances=[np.eye(n) for n in ROWS])
     before, after, dof = problem.squares((), CANDIDATE)

@@ -17,7 +17,7 @@ def likeness(columns):
 
 def test_the_share_that_another_imitates_is_the_squared_cosine():
     a, b = np.zeros((2, N))
-    # alike but for a part that every fit takes up
+    # the columns differ in a part that every fit absorbs
     a[0], a[-1], b[:2] = 1.0, 3.0, [np.cos(0.3), np.sin(0.3)]
     share = pytest.approx(np.cos(0.3) ** 2)
     assert likeness({Column(): a, Other(): b}) == [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import known_noise, planned, recording
+from calibrate.devices import known_noise, plan_session, recording
 from diagnose.models import of_sensor, pair_of, problem_of, variants_of
 from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
@@ -16,11 +16,11 @@ from imuloop.effects.temperature import BiasTemperature
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.limits import detection_limits
 from imuloop.simulate.truth import example_truth
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 DRIFT = BiasDrift()
 DRIFTS = variants_of("accelerometer", DRIFT)
-TRUTH = planned(example_truth(rate=50.0), poses=30)
+TRUTH = plan_session(example_truth(rate=50.0), poses=30)
 
 
 @seeds(10, 30)
@@ -46,11 +46,11 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, s
         one = search([record(values)], [effect])
         kept += type(effect) in map(type, Choices(one.problem).choice().effects)
     # each record knows its noise only so well
-    assert kept >= least(seeds, 0.9, 1e-5)
+    assert kept >= least_count(seeds, 0.9, 1e-5)
     assert 0.3 < np.min(limits) / np.max(limits)
 
 
-def searched(size, seed):
+def search_drift(size, seed):
     """Return the Choices of a drift on x, by noise of which no walk is known."""
     truth = with_effect("accelerometer", DRIFT, [size, 0.0, 0.0], TRUTH)
     noise, made = known_noise(truth), recording(truth, seed)
@@ -66,9 +66,9 @@ def limit_of(choices):
 
 @seeds(3, 12)
 def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(seeds, monkeypatch):
-    limit = np.median([limit_of(searched(0.0, seed)) for seed in range(3)])
+    limit = np.median([limit_of(search_drift(0.0, seed)) for seed in range(3)])
     added = of_sensor("accelerometer", DRIFT)
-    found = [searched(limit, 10 + seed).choice().effects == added for seed in range(seeds)]
-    assert sum(found) >= least(seeds, 0.9, 1 / 35)
+    found = [search_drift(limit, 10 + seed).choice().effects == added for seed in range(seeds)]
+    assert sum(found) >= least_count(seeds, 0.9, 1 / 35)
     monkeypatch.setattr(PoseProblem, "is_like_slow_noise", lambda self, effect: False)
-    assert np.median([limit_of(searched(0.0, seed)) for seed in range(3)]) < limit / 2
+    assert np.median([limit_of(search_drift(0.0, seed)) for seed in range(3)]) < limit / 2

@@ -1,11 +1,11 @@
-"""The tables of poses and moves: their rows, what was measured, and the errors that are left."""
+"""The tables of poses and moves: their rows, measured values, and remaining errors."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import RATE_UNIT, planned, recording
-from diagnose.models import diagnosed
+from calibrate.devices import RATE_UNIT, plan_session, recording
+from diagnose.models import pose_result
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.recording import record
 from imuloop.core.samples import CHANNELS
@@ -51,14 +51,14 @@ def moves(made, names, residuals):
 
 
 @pytest.fixture(scope="module")
-def two():
+def two_sessions():
     slanted = np.array([0.0, 0.6, 0.8])
     logs = [session([((0, 0, 1), 90), ((1, 0, 0), -40)]), session([(slanted, 200)])]
     return record(*zip(*logs, strict=True), 30.0)
 
 
-def test_a_row_per_pose_with_its_session_and_what_was_measured(two):
-    table = poses_table(two.poses, NAMES, {})
+def test_a_row_per_pose_with_its_session_and_what_was_measured(two_sessions):
+    table = poses_table(two_sessions.poses, NAMES, {})
     assert table["session"].tolist() == ["morning"] * 3 + ["evening"] * 2
     assert table["pose"].tolist() == [0, 1, 2, 0, 1]
     np.testing.assert_allclose(table["start_s"], [0, 10.01, 20.01, 0, 10.01])
@@ -71,8 +71,8 @@ def test_a_row_per_pose_with_its_session_and_what_was_measured(two):
     assert np.isnan(table["gravity_norm_after"]).all() and np.isnan(table["pose_rate_floor"]).all()
 
 
-def test_a_move_has_the_angle_speed_and_axis_of_the_turn_that_was_made(two):
-    table = moves(two, NAMES, {})
+def test_a_move_has_the_angle_speed_and_axis_of_the_turn_that_was_made(two_sessions):
+    table = moves(two_sessions, NAMES, {})
     assert table["session"].tolist() == ["morning", "morning", "evening"]
     # the pose that it starts from
     assert table["pose"].tolist() == [0, 1, 0]
@@ -85,17 +85,20 @@ def test_a_move_has_the_angle_speed_and_axis_of_the_turn_that_was_made(two):
     np.testing.assert_allclose(table["end_s"], [10.01, 20.01, 10.01])
 
 
-def test_without_a_pose_the_columns_are_the_same(two):
-    full = {"poses": poses_table(two.poses, NAMES, {}), "moves": moves(two, NAMES, {})}
+def test_without_a_pose_the_columns_are_the_same(two_sessions):
+    full = {
+        "poses": poses_table(two_sessions.poses, NAMES, {}),
+        "moves": moves(two_sessions, NAMES, {}),
+    }
     for name, table in ((name, no_tables()[name]) for name in full):
         assert {n: x.dtype for n, x in table.items()} == {n: x.dtype for n, x in full[name].items()}
         assert not any(map(len, table.values()))
 
 
 def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
-    truth = with_g_sensitivity(planned(example_truth(), poses=20), np.eye(3) * 4e-4)
+    truth = with_g_sensitivity(plan_session(example_truth(), poses=20), np.eye(3) * 4e-4)
     made = recording(truth, 1)
-    found = diagnosed(truth, made, folds=3)
+    found = pose_result(truth, made, folds=3)
     assert [e.name for e in found.solution.effects] == ["g_sensitivity"]
     tables = poses_table(made.poses, ["s"], found.residuals), moves(made, ["s"], found.residuals)
     content = {k: r for own in found.contents.values() for k, r in own["residuals"].items()}

@@ -9,8 +9,8 @@ import pytest
 from bench.study import physics
 from bench.study.chain import diagnosis_of
 from bench.study.devices import Injected, motion_device, poses_device, with_effects
-from calibrate.devices import planned, recording
-from diagnose.models import diagnosed
+from calibrate.devices import plan_session, recording
+from diagnose.models import pose_result
 from imuloop.core.errors import ImuloopError
 from imuloop.effects.products import Product, products
 from imuloop.model.effect import FittedEffect
@@ -22,7 +22,7 @@ SEED = 7
 
 
 def device(formula=""):
-    truth = planned(poses_device("few"))
+    truth = plan_session(poses_device("few"))
     if formula:
         sensor, *_ = physics.PRODUCTS[formula]
         extra = physics.product(formula, SIZES[formula])
@@ -37,7 +37,7 @@ def device(formula=""):
 )
 def test_a_product_is_named_by_its_formula(formula):
     sensor, axis, _ = physics.PRODUCTS[formula]
-    found = diagnosed(*device(formula), tests=30, folds=6)
+    found = pose_result(*device(formula), tests=30, folds=6)
     (effect,) = found.contents[sensor]["effects"]
     assert (effect["name"], effect["constants"]["formula"]) == ("product", formula)
     assert effect["constants"]["axis"] == axis and found.contents[sensor]["verdict"] == "explained"
@@ -51,7 +51,7 @@ def test_a_product_is_named_by_its_formula(formula):
 def test_a_record_at_its_floor_is_not_searched_for_products():
     where = "imuloop.diagnose.poses.products"
     with patch(where, side_effect=AssertionError("it was searched")):
-        found = diagnosed(*device(), tests=30, folds=6)
+        found = pose_result(*device(), tests=30, folds=6)
     for content in found.contents.values():
         assert content["verdict"] == "consistent"
         assert "product" not in {c["name"] for c in content["candidates"]}

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.study.chain import ATTITUDE, through
-from beside import DECLARED, QUATERNION, diagnosed, pulls, written
+from bench.study.chain import ATTITUDE, run_stages
+from beside import DECLARED, QUATERNION, diagnose_session, pulls, write_pair
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.model.calibration import Calibration
 from imuloop.validate.attitude import no_attitude
 from result_files import fault
-from seeds import least, seeds
+from seeds import least_count, seeds
 from simulated_reference import Beside
 
 SENSORS = ("accelerometer", "gyroscope")
@@ -35,7 +35,7 @@ def effects(found):
     return {s: {e["name"]: e for e in found[s]["effects"]} for s in SENSORS}
 
 
-def turned(rotation):
+def turn_body(rotation):
     """Return a change of the reference's columns: its body is another, rotated on the device."""
 
     def change(columns):
@@ -57,8 +57,8 @@ def test_a_set_up_comes_back_within_its_errors(tmp_path, seeds):
         late = dict(zip(SENSORS, rng.normal(0, 0.006, 2), strict=True))
         arm, drift, mounting = rng.normal(0, 0.05, 3), rng.normal(0, 1e-4), Rotation.random(rng=rng)
         truth = device(seed, dt=late, drift=drift, arm=tuple(arm))
-        change = turned(lambda _, mounting=mounting: mounting.inv())
-        found, _ = diagnosed(tmp_path, truth, seed, change=change)
+        change = turn_body(lambda _, mounting=mounting: mounting.inv())
+        found, _ = diagnose_session(tmp_path, truth, seed, change=change)
         for sensor, block in found.items():
             true = {"time_offset": late[sensor], "clock_drift": drift, "lever_arm": arm}
             every += [x for c in block["candidates"] for x in pulls(c, true[c["name"]])]
@@ -74,20 +74,20 @@ def test_a_set_up_comes_back_within_its_errors(tmp_path, seeds):
 def test_without_an_offset_none_is_written(tmp_path, seeds):
     consistent = 0
     for seed in range(13100, 13100 + seeds):
-        found, _ = diagnosed(tmp_path, device(seed), seed)
+        found, _ = diagnose_session(tmp_path, device(seed), seed)
         assert effects(found) == {"accelerometer": {}, "gyroscope": {}}
         consistent += {found[s]["verdict"] for s in SENSORS} == {"consistent"}
         for candidate in (c for s in SENSORS for c in found[s]["candidates"]):
             assert candidate["status"] == "rejected"
             assert all(limit > 0 for limit in candidate["detection_limit"].values())
-    assert consistent >= least(seeds, 0.95, 1e-3)
+    assert consistent >= least_count(seeds, 0.95, 1e-3)
 
 
 def test_what_one_session_shows_predicts_the_other(tmp_path):
     """Each sensor has its own offset; whole sessions are held out, and windows say which."""
     late = {"gyroscope": -0.009, "accelerometer": 0.003}
     truth = device(13200, dt=late, arm=(0.03, -0.02, 0.03))
-    found, table = diagnosed(tmp_path, truth, 13200, sessions=2)
+    found, table = diagnose_session(tmp_path, truth, 13200, sessions=2)
     assert set(effects(found)["gyroscope"]) == {"time_offset"}
     assert set(effects(found)["accelerometer"]) == {"time_offset", "lever_arm"}
     for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
@@ -105,7 +105,7 @@ def test_what_one_session_shows_predicts_the_other(tmp_path):
 @pytest.mark.parametrize("late", [0.0, 0.004])
 def test_an_offset_that_drifts_through_zero_is_named(tmp_path, late):
     truth = device(13300, dt={"gyroscope": late}, drift=6e-4)
-    found = effects(diagnosed(tmp_path, truth, 13300)[0])["gyroscope"]
+    found = effects(diagnose_session(tmp_path, truth, 13300)[0])["gyroscope"]
     assert set(found) == {"clock_drift", *["time_offset"] * bool(late)}
     assert abs(pulls(found["clock_drift"], 6e-4)[0]) < 3.5
 
@@ -118,7 +118,7 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect(tmp_path):
         u = Rotation.from_quat(q, scalar_first=True).as_matrix().reshape(-1, 9)
         return Rotation.from_rotvec(np.radians(0.5) * np.sin(2.5 * u @ pattern))
 
-    found, _ = diagnosed(tmp_path, device(13400), 13400, change=turned(wrong))
+    found, _ = diagnose_session(tmp_path, device(13400), 13400, change=turn_body(wrong))
     assert effects(found) == {"accelerometer": {}, "gyroscope": {}}
     assert found["gyroscope"]["verdict"] == "unexplained"
 
@@ -128,7 +128,7 @@ def test_attitudes_alone_show_the_gyroscope_alone(tmp_path):
         return columns | {name: np.full(len(columns["t"]), np.nan) for name in ("px", "py", "pz")}
 
     truth = device(13500, dt={"gyroscope": -0.009})
-    found, _ = diagnosed(tmp_path, truth, 13500, change=lost)
+    found, _ = diagnose_session(tmp_path, truth, 13500, change=lost)
     assert found["gyroscope"]["verdict"] == "explained"
     assert found["accelerometer"]["verdict"] == "not_testable"
     assert "windows" in found["accelerometer"]["why"]
@@ -139,12 +139,12 @@ def test_rests_calibrate_and_the_reference_writes_neither_t_nor_k(tmp_path):
     own = Device("d", tmp_path, {"hand": "reference_motion"}, gravity=truth.gravity)
     from simulated_reference import simulate_beside
 
-    paths = written(tmp_path, "hand", simulate_beside(truth, 13600))
+    paths = write_pair(tmp_path, "hand", simulate_beside(truth, 13600))
     sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}
     told = {"reference": DECLARED, "sources": sources, "columns": {"time": "t"}}
     chain.ingest_or_reject(own, "hand", told, paths)
     with patch(ATTITUDE, return_value=no_attitude("d", "not asked for")):
-        through(own)
+        run_stages(own)
     poses, final = (
         Calibration.from_json(tmp_path / f"{name}.json")
         for name in ("multi_position", "calibration")

@@ -39,7 +39,7 @@ def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     rng = np.random.default_rng(4)
     t = np.arange(40.0)
-    # white noise, and slow noise with a common part much larger than what is left of it
+    # white noise, and slow noise with a common part much larger than its remainder
     covariance = np.eye(40) + 200 * np.exp(-np.abs(t[:, None] - t) / 80)
     design = np.column_stack([np.ones(40), rng.normal(size=40)])
     held = (t >= 12) & (t < 20)
@@ -86,10 +86,10 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
     ("in_sample", "heldout", "by_chance", "chosen", "above"),
     [
         (False, 0.9, 0.0, True, False),
-        (True, 0.9, 0.5, True, False),  # patterns in what is smaller than the noise
+        (True, 0.9, 0.5, True, False),  # patterns in a residual smaller than the noise
         (True, 1.1, 0.5, True, True),
-        (False, 1.1, 0.0, True, False),  # within what the floor may be wrong by
-        (False, 1.7, 0.0, True, True),  # a wrong effect, which fits what it saw
+        (False, 1.1, 0.0, True, False),  # within the error of the floor
+        (False, 1.7, 0.0, True, True),  # a wrong effect, which fits the data that it saw
         (False, 1.7, 0.1, True, False),
         (False, 1.7, 0.005, True, True),
         (False, 1.7, 0.005, False, False),  # no effect that could be wrong

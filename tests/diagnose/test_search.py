@@ -1,4 +1,4 @@
-"""The search for effects on simulated devices: finds what is there, says no where nothing is."""
+"""The search for effects on simulated devices: finds injected effects, and no others."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
-from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
+from diagnose.models import of_sensor, pair_of, pose_result, problem_of, variants_of
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import candidates
 from imuloop.diagnose.poses import too_few
@@ -38,7 +38,7 @@ def with_g_sensitivity(truth, matrix):
 
 
 @pytest.fixture(scope="module")
-def sensitive():
+def sensitive_device():
     truth = with_g_sensitivity(TRUTH, MATRIX)
     return truth, recording(truth, 1)
 
@@ -47,12 +47,12 @@ def sensitive():
 def controls():
     """The results of two devices without an effect; the first moves as that with one does."""
     with patch(LIMITS, return_value={"any": 0.0}):
-        return [diagnosed(TRUTH, recording(TRUTH, seed), folds=5) for seed in (1, 20)]
+        return [pose_result(TRUTH, recording(TRUTH, seed), folds=5) for seed in (1, 20)]
 
 
-def test_an_undeclared_effect_is_found_with_its_size(sensitive, controls, no_limits):
-    truth, _ = sensitive
-    found = diagnosed(*sensitive, folds=5)
+def test_an_undeclared_effect_is_found_with_its_size(sensitive_device, controls, no_limits):
+    truth, _ = sensitive_device
+    found = pose_result(*sensitive_device, folds=5)
     content, calibration = found.contents["gyroscope"], found.calibrations["gyroscope"]
     assert content["verdict"] == "explained"
     assert found.contents["accelerometer"]["verdict"] == "consistent"
@@ -65,10 +65,10 @@ def test_an_undeclared_effect_is_found_with_its_size(sensitive, controls, no_lim
         for p, value in zip(G_SENSITIVITY.parameters, MATRIX.ravel(), strict=True)
     ]
     assert np.abs(score).max() < 3.5
-    # the other parameters are those of the device, not bent by the effect
+    # the other parameters agree with the device, not bent by the effect
     std = [calibration.std[f"K{i}"] for i in range(3)]
     assert np.all(np.abs(calibration.K - truth.gyroscope.K) < 4 * np.array(std))
-    # and the residual is that of a device without the effect
+    # and the residual is as small as for a device without the effect
     control = controls[0].contents["gyroscope"]
     for kind in ("pose_rate", "rotation"):
         after = content["residuals"][kind]["after"]
@@ -87,7 +87,7 @@ def test_controls_are_consistent(controls):
 
 @pytest.mark.parametrize(("poses", "testable"), [(1, False), (4, False), (11, False), (12, True)])
 def test_few_poses_calibrate_and_enough_of_them_are_tested(poses, testable):
-    found = diagnosed(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
+    found = pose_result(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
     assert set(found.calibrations) == set(SENSORS)
     for content in found.contents.values():
         assert (content["verdict"] != "not_testable") == testable
@@ -104,8 +104,8 @@ def test_six_faces_three_times_are_too_few_attitudes():
         assert why.endswith("18 poses found, 12 needed in 10 attitudes, not 6")
 
 
-def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
-    truth, made = sensitive
+def test_a_held_out_pose_hardly_touches_its_prediction(sensitive_device):
+    truth, made = sensitive_device
     pair, spoiled = pair_of(truth, made), {"w": made.poses.w.copy(), "f": made.poses.f.copy()}
     spoiled["w"][0] += 1e-3
     spoiled["f"][0] += 1e-3
@@ -125,7 +125,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     for effects in ((), SENSITIVE):
         errors = [c.errors(lambda held_out, e=effects: e)[measured, 0] for c in (first, again)]
         moved = np.abs(errors[1] - errors[0]) / np.sqrt(np.diag(noise))[measured]
-        # the others of its part are predicted as before, but for what it says of the noise
+        # the others of its part are predicted as before, but for its influence on the noise
         assert moved[others].max() < 0.05
         assert moved[own & still].min() > 1
 
@@ -181,5 +181,5 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
         base = search.refine(search.effects_of_kinds((*variants,)))
         x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
-    # 18 pulls, those of a device alike; 1.5 where the time constant is taken for known
+    # 18 pulls, correlated within a device; 1.5 where the time constant is taken as certain
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.35

@@ -20,8 +20,8 @@ def noise(seed, flicker=2.0, walk=5.0, n=N):
     return root(n, flicker, walk) @ np.random.default_rng(seed).standard_normal((n, 3))
 
 
-def found(values):
-    """Return what is found in values (n, 3), or in those of several sessions by name."""
+def find_effects(values):
+    """Return the effects found in values (n, 3), or in values of several sessions by name."""
     values = values if isinstance(values, dict) else {"s": values}
     records = [record(v, session) for session, v in values.items()]
     return search_records("accelerometer", records, DiagnoseSettings(), TESTS)
@@ -32,7 +32,7 @@ def names(finding):
 
 
 def pattern(name, n=N):
-    """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its variant."""
+    """Return an effect's values with a parameter of 1 on each axis, (n, 3), and its variant."""
     rec = record(np.zeros((n, 3)))
     known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
     variant = known.get(name) or find_effect(name).variants(rec.channels)[0]
@@ -57,7 +57,7 @@ def test_each_effect_is_found_by_its_name(name):
     add = add / np.abs(add - add.mean(axis=0)).max() * {"ramp": 6.0}.get(name, 3.0)
     # a warm-up is over after the first block of time: two starts to foresee one, and without it
     sessions = "stu" if name == "warm_up" else "s"
-    finding = found({s: noise(k) + add for k, s in enumerate(sessions)})
+    finding = find_effects({s: noise(k) + add for k, s in enumerate(sessions)})
     assert name in names(finding)
     at = names(finding).index(name)
     assert finding.choices.choice().added[at].change.certain
@@ -68,13 +68,15 @@ def test_each_effect_is_found_by_its_name(name):
 
 def test_devices_without_an_effect_have_none():
     kinds = ((0, 0), (5, 0), (0, 5), (3, 3))
-    alarms = [names(found(noise(20 + k, *kinds[k % 4]))) for k in range(8)]
+    alarms = [names(find_effects(noise(20 + k, *kinds[k % 4]))) for k in range(8)]
     # 2 % of searches of one sensor; two or more of 8 happen in 1 % of such sets
     assert sum(map(bool, alarms)) <= 1
 
 
 def test_two_effects_are_found_one_after_the_other():
-    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0])
+    finding = find_effects(
+        noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0]
+    )
     assert set(names(finding)) == {"bias_temperature", "steps"}
 
 
@@ -82,7 +84,7 @@ def test_several_steps_are_found():
     values = noise(4)
     for place, height in ((30, 3.0), (80, -4.0)):
         values[place:] += height
-    finding = found(values)
+    finding = find_effects(values)
     assert names(finding) == ["steps"]
     times = sorted(finding.effects[0].effect.times)
     np.testing.assert_allclose(times, [30 * LENGTH, 80 * LENGTH], atol=LENGTH)
@@ -90,7 +92,7 @@ def test_several_steps_are_found():
 
 def test_sessions_share_the_parameters_and_have_their_own_levels():
     warm, _ = pattern("bias_temperature")
-    finding = found({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
+    finding = find_effects({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
     assert names(finding) == ["bias_temperature"]
     for name, value in finding.effects[0].values.items():
         if name.startswith("c1"):
@@ -99,17 +101,17 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
 
 
 def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
-    """Whatever the values of a part, what the others choose, estimate and predict stays."""
+    """With any values of a part, the effects, estimates and predictions of the others stay."""
     rng = np.random.default_rng(11)
     values = {"a": noise(30) + 3 * pattern("steps")[0]}
-    choices, part = found(values).choices, 4
+    choices, part = find_effects(values).choices, 4
     assert choices.choice().effects
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
     each = np.split(choices.problem.fold_of_row, ends)
     for parts, v in zip(each, changed.values(), strict=True):
         v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
-    held_out, both = frozenset({part}), (choices, found(changed).choices)
+    held_out, both = frozenset({part}), (choices, find_effects(changed).choices)
     chosen = [c.search(held_out).significant_effects(c.kinds) for c in both]
     assert chosen[0] == chosen[1] and chosen[0]
     foreseen = [
@@ -138,9 +140,9 @@ def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
 
 
 def test_what_records_say_of_parameters_is_what_a_fit_finds():
-    """The estimate is its maximum, whatever is beside it; its errors are those of the fit.
+    """The estimate is its maximum, with any other effects; its errors are the errors of the fit.
 
-    Of a pattern alone, that is: those of several together are larger, or hardly smaller.
+    This holds for a single pattern: errors of several together are larger, or hardly smaller.
     """
     warm, line, step = BiasTemperature(1, 20.0), Ramp(), Steps((70 * LENGTH,), ("s",))
     rec = record(noise(14))
@@ -177,12 +179,12 @@ def test_what_records_say_of_parameters_is_what_a_fit_finds():
     [
         (70, np.zeros(3), [N]),
         (70, [0.0, 0.04, 0.0], [70, 50]),
-        # gravity that is larger afterwards is no tilt: the bias jumped; a large tilt lowers it
+        # larger gravity afterwards is not a tilt: the bias jumped; a large tilt lowers it
         (70, [0.0, 0.0, 0.04], [N]),
         (70, [0.0, 9.8 * np.sin(0.1), 9.8 * (np.cos(0.1) - 1)], [70, 50]),
-        # what is left of a part that is too short for blocks is left out
+        # the remainder of a part that is too short for blocks is left out
         (110, [0.0, 0.04, 0.0], [110]),
-        # a drift that goes on through a disturbance is no move
+        # a drift that goes on through a disturbance is not a move
         (70, "drift", [N]),
     ],
 )

@@ -53,7 +53,7 @@ def noise_of(made):
     return estimate_noise("d", sessions, NoiseSettings())
 
 
-def diagnosed(made, noise=None):
+def diagnose_record(made, noise=None):
     records = made.records(calibration(), SETTINGS.mean_time)
     noise, tests = noise or noise_of(made), static_tests(records, SETTINGS)
     how = SETTINGS, NoiseSettings(), tests
@@ -65,18 +65,18 @@ def warm():
     made = data(a=log(1, warm=True), b=log(2, warm=True, up=(9.8, 0.3, -0.1)))
     noise = noise_of(made)
     with patch(LIMITS, return_value={}):
-        return noise, diagnosed(made, noise)
+        return noise, diagnose_record(made, noise)
 
 
 @pytest.fixture(scope="module")
-def still():
+def still_record():
     """White noise alone, and its noise model."""
     made = data(a=log(4))
     return made, noise_of(made)
 
 
-def test_a_device_without_an_effect_is_consistent(no_limits, still):
-    result = diagnosed(*still)
+def test_a_device_without_an_effect_is_consistent(no_limits, still_record):
+    result = diagnose_record(*still_record)
     for content in result.content.values():
         assert content["verdict"] == "consistent"
         assert content["effects"] == [] and content["noise"] == {}
@@ -131,26 +131,26 @@ def test_noise_is_estimated_again_without_the_effect(warm):
     assert longest["ci_low"] < WHITE / np.sqrt(longest["tau_s"]) < longest["ci_high"]
 
 
-def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits, still):
+def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits, still_record):
     def settles(t):
         return np.outer(0.1 * np.exp(-t / 100.0), np.ones(6))
 
     made = data(a=log(4, extra=settles))
     noise = noise_of(made)
-    result = diagnosed(made, noise)
+    result = diagnose_record(made, noise)
     for content in result.content.values():
         # the content of the record keeps the noise as logged
         assert content["effects"] == [] and content["noise"] == {}
     for axis in CHANNELS:
-        models = noise.model, result.noise, still[1].model
+        models = noise.model, result.noise, still_record[1].model
         limits = [model.known(axis, "K") for model in models]
         logged, without, true = (size + spread for size, spread in limits)
         assert without < 0.5 * logged
         assert without < 1.5 * true
 
 
-def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits, still):
-    content = diagnosed(data(a=log(4, warm=True)), still[1]).content["accelerometer"]
+def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits, still_record):
+    content = diagnose_record(data(a=log(4, warm=True)), still_record[1]).content["accelerometer"]
     assert ("scale_temperature", "bias_temperature") in {
         (p["effect"], p["with"]) for p in content["confounded"]
     }
@@ -158,26 +158,26 @@ def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits, still):
     assert (found["status"], found["confounded_with"]) == ("confounded", "bias_temperature")
 
 
-def test_what_no_candidate_is_stays_unexplained(no_limits, still):
+def test_what_no_candidate_is_stays_unexplained(no_limits, still_record):
     """A bias that wanders while the noise model says that it does not."""
 
     def wander(t):
         return np.cumsum(np.random.default_rng(5).normal(size=(len(t), 6)), axis=0) * 1e-3
 
-    result = diagnosed(data(a=log(4, extra=wander)), still[1])
+    result = diagnose_record(data(a=log(4, extra=wander)), still_record[1])
     for content in result.content.values():
         assert (content["verdict"], content["effects"]) == ("unexplained", [])
         assert content["residuals"]["bias"]["chi2_after"] > 2
 
 
-def test_too_short_and_silent_records_say_why(no_limits, still):
-    made, noise = still
+def test_too_short_and_silent_records_say_why(no_limits, still_record):
+    made, noise = still_record
     cut = {"a": made.segments["a"].assign(end_s=25.0)}
-    short = diagnosed(StaticData(made.kinds, {"a": made.samples["a"].iloc[:100]}, cut), noise)
+    short = diagnose_record(StaticData(made.kinds, {"a": made.samples["a"].iloc[:100]}, cut), noise)
     assert short.content["gyroscope"]["verdict"] == "not_testable"
     assert "16 means" in short.content["gyroscope"]["why"]
-    nothing = diagnosed(StaticData({}, {}, {}), noise)
+    nothing = diagnose_record(StaticData({}, {}, {}), noise)
     assert nothing.content["accelerometer"]["verdict"] == "not_testable"
-    silent = diagnosed(data(a=made.samples["a"].assign(gy=0.25)), noise).content
+    silent = diagnose_record(data(a=made.samples["a"].assign(gy=0.25)), noise).content
     assert silent["gyroscope"]["why"] == "an axis never changes"
     assert silent["accelerometer"]["verdict"] == "consistent"

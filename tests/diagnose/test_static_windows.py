@@ -1,4 +1,4 @@
-"""Means of a static record: which windows, what an effect sees in them."""
+"""Means of a static record: choice of the windows, columns of an effect in them."""
 
 import numpy as np
 import pandas as pd

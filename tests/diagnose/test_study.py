@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.study import physics
-from bench.study.cases import AT_REST, Case, all_cases, injected
+from bench.study.cases import AT_REST, Case, all_cases, choose_effects
 from bench.study.devices import DEVICES
 from bench.study.run import run
 from bench.study.score import judge, pulls, ratio
@@ -26,7 +26,7 @@ def test_devices_are_judged_by_what_was_put_in():
     assert found["right"] == ["quadratic"] and found["more"] == []
     assert ratio(PART[1], quadratic) <= 1.25
     assert np.abs(pulls(quadratic)).max() < 3.5
-    # nothing of it in what the diagnosis was given: the control's parameters are zero
+    # the diagnosis got nothing of it: the control's parameters are zero
     assert not judge(PART[1], {**quadratic, "diagnosis": quadratic["control"]})["right"]
     text = document(part, 0)
     assert "| quadratic | accelerometer | poses | 1/1 | – | – | " in text
@@ -54,7 +54,7 @@ def candidate(name, limit=None, **more):
     return {**found, "parameters": dict.fromkeys(limit or (), 0.0), **more}
 
 
-def diagnosed(effects=(), candidates=(), confounded=(), sensor="gyroscope", record="poses"):
+def diagnosis_of(effects=(), candidates=(), confounded=(), sensor="gyroscope", record="poses"):
     empty = {"verdict": "consistent", "effects": [], "candidates": [], "residuals": {}}
     parts = {s: {r: dict(empty) for r in DEVICES} for s in AT_REST}
     parts[sensor][record] |= {
@@ -92,7 +92,7 @@ CONFOUNDED = [candidate("bias_drift", status="confounded", confounded_with="warm
     ],
 )
 def test_a_diagnosis_is_judged_by_what_it_names(found, right, twins, missed, more):
-    made = judge(DRIFT, {"diagnosis": diagnosed(**found)})
+    made = judge(DRIFT, {"diagnosis": diagnosis_of(**found)})
     assert (made["right"], made["twins"], made["missed"]) == (right, twins, missed)
     assert len(made["more"]) == more
 
@@ -102,13 +102,13 @@ def test_an_effect_has_nine_times_the_noncentrality_of_its_limit():
     limits = dict(zip(names, (1e-6, 2e-6, 3e-6), strict=True))
     alike = np.array([[1, 0.6, 0], [0.6, 1, -0.3], [0, -0.3, 1]])
     control = {
-        "diagnosis": diagnosed(candidates=[candidate("bias_drift", limits)]),
+        "diagnosis": diagnosis_of(candidates=[candidate("bias_drift", limits)]),
         "likeness": {("gyroscope", "bias_drift"): alike},
     }
-    made = [injected(DRIFT, seed, control)[0] for seed in (1, 1, 2)]
+    made = [choose_effects(DRIFT, seed, control)[0] for seed in (1, 1, 2)]
     z = np.array([[one.values[k] / limits[k] for k in names] for one in made])
     np.testing.assert_allclose(np.einsum("si,ij,sj->s", z, alike, z), 9)
     assert np.array_equal(z[0], z[1]) and not np.allclose(z[0], z[2])
-    # what has no limit is not put in
-    control["diagnosis"] = diagnosed(candidates=[candidate("bias_drift")])
-    assert injected(DRIFT, 1, control) is None
+    # an effect without a limit is not put in
+    control["diagnosis"] = diagnosis_of(candidates=[candidate("bias_drift")])
+    assert choose_effects(DRIFT, 1, control) is None

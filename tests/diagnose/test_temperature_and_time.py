@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from bench.realistic.device import stream
-from bench.realistic.judge import SENSORS, judged
+from bench.realistic.judge import SENSORS, judge
 
 
-def diagnosed(seed, case, folder):
+def diagnose_device(seed, case, folder):
     """Return the outcome of a realistic device, its truth, and its effects at the poses."""
-    made = judged(seed, case, folder)
+    made = judge(seed, case, folder)
     read = [
         json.loads((folder / f"{case}_{seed}" / name).read_text())
         for name in ("truth.json", "results/diagnosis.json")
@@ -26,7 +26,7 @@ def diagnosed(seed, case, folder):
 
 @pytest.mark.study
 def test_a_temperature_that_only_rises_is_no_drift(no_limits, tmp_path):
-    made, truth, effects = diagnosed(19, "temperature", tmp_path)
+    made, truth, effects = diagnose_device(19, "temperature", tmp_path)
     for (sensor, own), slopes in zip(effects.items(), truth["slopes"], strict=True):
         (effect,) = own
         assert (effect["name"], effect["constants"]["lag"]) == ("bias_temperature", 0.0)
@@ -38,7 +38,7 @@ def test_a_temperature_that_only_rises_is_no_drift(no_limits, tmp_path):
 
 @pytest.mark.study
 def test_a_thermometer_that_is_late_gets_its_lag(no_limits, tmp_path):
-    made, _, effects = diagnosed(20, "thermometer_lag", tmp_path)
+    made, _, effects = diagnose_device(20, "thermometer_lag", tmp_path)
     # as the generator draws it, after start and span
     lag = stream(20, "temperature").uniform([18, 8, 10], [30, 20, 60])[2]
     for sensor, own in effects.items():
@@ -49,7 +49,7 @@ def test_a_thermometer_that_is_late_gets_its_lag(no_limits, tmp_path):
 
 
 def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
-    made, truth, effects = diagnosed(16, "jump", tmp_path)
+    made, truth, effects = diagnose_device(16, "jump", tmp_path)
     (step,) = effects["accelerometer"]
     assert step["name"] == "steps"
     assert step["constants"]["times"] == pytest.approx([truth["jump_s"]], abs=0.5)

@@ -1,4 +1,4 @@
-"""Trials: what a candidate takes off the residual, its test, and what the test would have found."""
+"""Trials: reduction of the residual by a candidate, its test, and its detection limit."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Power cycles: the bias jumps between power cycles, is named with its size, and is no drift."""
+"""Power cycles: the bias jumps between power cycles, is named with its size, not as drift."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import known_noise
-from diagnose.models import diagnosed, pair_of
+from diagnose.models import pair_of, pose_result
 from imuloop.calibrate.recording import record
 from imuloop.core.samples import SENSORS
 from imuloop.estimate.limits import detection_limits
@@ -44,7 +44,7 @@ def cycles():
     recording, jumps = power_cycles(1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(LIMITS, lambda *a, **k: {"any": 0.0})
-        return recording, jumps, diagnosed(TRUTH, recording, folds=5)
+        return recording, jumps, pose_result(TRUTH, recording, folds=5)
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -85,7 +85,7 @@ def test_power_cycles_of_one_bias_have_none(monkeypatch):
 
     monkeypatch.setattr(LIMITS, of_turn_on)
     recording, _ = power_cycles(2, size=0.0)
-    for content in diagnosed(TRUTH, recording).contents.values():
+    for content in pose_result(TRUTH, recording).contents.values():
         assert content["verdict"] == "consistent" and content["effects"] == []
         (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
         assert candidate["status"] == "rejected" and candidate["detection_limit"]

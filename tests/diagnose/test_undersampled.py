@@ -2,8 +2,8 @@
 
 from calibrate import hand
 from imuloop.simulate.truth import example_truth
-from quick import diagnosed
-from seeds import least, seeds
+from quick import diagnose_log
+from seeds import least_count, seeds
 
 TRUTH, RATE = example_truth(), 50.0
 
@@ -14,7 +14,7 @@ def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
     for seed in range(seeds):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        found = diagnosed(folder, hand.log(RATE, seed, TRUTH), gravity=TRUTH.gravity)
+        found = diagnose_log(folder, hand.log(RATE, seed, TRUTH), gravity=TRUTH.gravity)
         blocks = [found[s][r] for s in found for r in ("poses", "motion", "static_record")]
         named += any(block["effects"] for block in blocks)
         turns = found["gyroscope"]["poses"]
@@ -22,8 +22,8 @@ def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
         lost = turns["residuals"]["rotation"]["undersampled"]
         assert lost["rate_hz"] < 50.1 and lost["enough_hz"] > 150
         assert lost["error"] < turns["residuals"]["rotation"]["floor"]
-        # by the whole spectrum what is left is about as large as the floor
+        # by the whole spectrum the remainder is about as large as the floor
         rotation = turns["residuals"]["rotation"]
         assert 0.5 < rotation["after"] / rotation["floor"] < 2
-    allowed = seeds - least(seeds, 0.95, 0.05)
+    allowed = seeds - least_count(seeds, 0.95, 0.05)
     assert named <= allowed and unexplained <= allowed

@@ -1,4 +1,4 @@
-"""Both sensors in one fit: recovery, what is known beforehand, what is held, and a plain fit."""
+"""Both sensors in one fit: recovery, priors, fixed parameters, and a plain fit."""
 
 from dataclasses import replace
 
@@ -6,12 +6,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calibrate.devices import (
-    calibrated,
+    calibrate_recording,
     known_noise,
-    noiseless,
-    recorded,
+    record_samples,
     recording,
     scores,
+    without_noise,
 )
 from imuloop.calibrate.recording import Log, pose_means
 from imuloop.core.samples import CHANNELS
@@ -30,20 +30,20 @@ COARSE = example_truth(rate=50.0)
 
 
 def test_without_noise_the_truth_comes_back():
-    quiet = noiseless(TRUTH)
+    quiet = without_noise(TRUTH)
     for sensor, made in zip(
         ("accelerometer", "gyroscope"),
-        calibrated(recording(quiet, 0), known_noise(quiet), TRUTH.gravity),
+        calibrate_recording(recording(quiet, 0), known_noise(quiet), TRUTH.gravity),
         strict=True,
     ):
-        # what is left is the integration between samples
+        # the remaining error comes from the integration between samples
         for name in "TKb":
             true = getattr(getattr(quiet, sensor), name)
             np.testing.assert_allclose(getattr(made, name), true, atol=1e-5)
 
 
 def without_flicker(truth):
-    """Return the same device without flicker: with a seed all other noise is the same."""
+    """Return the device without flicker: with the same seed all other noise is the same."""
     quiet = {
         name: replace(sensor, noise=replace(sensor.noise, B=(0.0, 0.0, 0.0)))
         for name, sensor in (("accelerometer", truth.accelerometer), ("gyroscope", truth.gyroscope))
@@ -59,7 +59,7 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
             simulate_session(truth, "multi_position", 500 + seed)
             for truth in (COARSE, without_flicker(COARSE))
         )
-        made, channels = recorded(log), list(CHANNELS)
+        made, channels = record_samples(log), list(CHANNELS)
         slow = Log.of(log.assign(**{c: log[c] - bare[c] for c in channels}))
         share = made.poses.duration_s / made.poses.duration_s.sum()
         bias = [share @ pose_means(made.poses, made.logs, [own]) for own in (slow.f, slow.w)]
@@ -68,7 +68,7 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
             ("accelerometer", "gyroscope"),
             NAMES.values(),
             bias,
-            calibrated(made, NOISE, COARSE.gravity),
+            calibrate_recording(made, NOISE, COARSE.gravity),
             strict=True,
         ):
             true = getattr(COARSE, sensor)
@@ -84,16 +84,16 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
 
 def test_a_bias_that_is_held_stays_at_the_first_rest():
     made = recording(TRUTH, 2)
-    force, turn = calibrated(made, NOISE, TRUTH.gravity, gyroscope_bias="initial_rest")
+    force, turn = calibrate_recording(made, NOISE, TRUTH.gravity, gyroscope_bias="initial_rest")
     np.testing.assert_array_equal(turn.b, made.poses.w[0])
-    # its error is that of the mean of that rest
+    # its error is the error of the mean of that rest
     expected = np.sqrt(made.poses.mean_covariance(NOISE)[3:, 0, 0])
     np.testing.assert_allclose([turn.std[f"b{k}"] for k in range(3)], expected)
     assert not turn.covariance[:9, 9:].any()
     assert force.method == turn.method == "multi_position"
 
 
-def plain(made, gravity):
+def plain_fit(made, gravity):
     """Return base parameters by equal weights, (21,).
 
     Nine of gravity's norm; nine of the rotations by these, and the mean rate of the rests.
@@ -115,7 +115,7 @@ def plain(made, gravity):
 def errors_in_use(x, truth):
     """Return the root mean square error over all directions of gravity, and of turns at 90 deg/s.
 
-    The accelerometer's frame is its own x axis and xy plane: a turn of the whole is no error.
+    The accelerometer's frame is its own x axis and xy plane: turning all is not an error.
     """
     u, found, state = fibonacci_lattice(200), [], State(x)
     for name, size in (("accelerometer", truth.gravity), ("gyroscope", np.pi / 2)):
@@ -130,9 +130,9 @@ def test_it_is_no_worse_than_a_plain_fit_on_clean_devices(seeds):
     ratios = []
     for seed in range(seeds):
         made = recording(COARSE, 300 + seed)
-        sensors = calibrated(made, NOISE, COARSE.gravity)
+        sensors = calibrate_recording(made, NOISE, COARSE.gravity)
         joint = np.concatenate([as_logged(*each) for each in zip(NAMES, sensors, strict=True)])
-        each = [errors_in_use(x, COARSE) for x in (joint, plain(made, COARSE.gravity))]
+        each = [errors_in_use(x, COARSE) for x in (joint, plain_fit(made, COARSE.gravity))]
         ratios.append(np.divide(*each))
     # in the mean it is better, and none is worse by more than its noise
     assert np.exp(np.mean(np.log(ratios), axis=0)).max() < 1.02

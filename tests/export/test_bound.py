@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibrate.devices import known
+from calibrate.devices import coefficient
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm, SinusoidTerm
 from imuloop.export.bound import LONGEST, POINTS, SHORTEST, bounding
 
@@ -20,7 +20,7 @@ def limited(value):
 
 
 def process(q, tc):
-    return GaussMarkovTerm(known(q), known(tc))
+    return GaussMarkovTerm(coefficient(q), coefficient(tc))
 
 
 def curve(noise, tau=TAU):
@@ -35,7 +35,7 @@ def powers(low, high):
     return st.floats(low, high).map(lambda power: 10**power)
 
 
-sizes = powers(-6, -2).map(known)
+sizes = powers(-6, -2).map(coefficient)
 absent = st.just(Coefficient())
 unseen = powers(-6, -2).map(limited)
 noises = st.builds(
@@ -48,15 +48,19 @@ noises = st.builds(
     gauss_markov=st.lists(st.builds(process, powers(-7, -2), powers(-1, 5)), max_size=3).map(tuple),
 )
 # white noise of a gyroscope, 0.3 deg/sqrt(h), and a walk that was not seen
-WHITE = AxisNoise(N=known(8e-5), K=limited(1e-7))
+WHITE = AxisNoise(N=coefficient(8e-5), K=limited(1e-7))
 RAISED = {
-    "flicker": replace(WHITE, B=known(4e-5)),
-    "flicker and a walk": replace(WHITE, B=known(4e-5), K=known(3e-6)),
+    "flicker": replace(WHITE, B=coefficient(4e-5)),
+    "flicker and a walk": replace(WHITE, B=coefficient(4e-5), K=coefficient(3e-6)),
     "process": replace(WHITE, gauss_markov=(process(2e-5, 50.0),)),
-    "ramp": replace(WHITE, R=known(1e-7)),
-    "quantisation": replace(WHITE, Q=known(1e-4)),
+    "ramp": replace(WHITE, R=coefficient(1e-7)),
+    "quantisation": replace(WHITE, Q=coefficient(1e-4)),
     "all": replace(
-        WHITE, Q=known(1e-4), B=known(4e-5), R=known(1e-8), gauss_markov=(process(1e-5, 30.0),)
+        WHITE,
+        Q=coefficient(1e-4),
+        B=coefficient(4e-5),
+        R=coefficient(1e-8),
+        gauss_markov=(process(1e-5, 30.0),),
     ),
 }
 
@@ -79,6 +83,6 @@ def test_white_noise_and_walk_alone_stay_as_they_are(N, K):
 
 
 def test_a_line_raises_nothing():
-    line, flicker = SinusoidTerm(known(1e-2), known(0.05)), RAISED["flicker"]
+    line, flicker = SinusoidTerm(coefficient(1e-2), coefficient(0.05)), RAISED["flicker"]
     assert bounding(replace(WHITE, sinusoid=(line,))) == (8e-5, 1e-7)
     assert bounding(replace(flicker, sinusoid=(line,))) == bounding(flicker)

@@ -1,9 +1,9 @@
-"""Residuals of both sensors: their derivative by what is estimated, and by effects of either."""
+"""Residuals of both sensors: their derivative by the parameters, and by effects of either."""
 
 import numpy as np
 import pytest
 
-from calibrate.devices import noiseless, planned, recording, slopes, true_fit
+from calibrate.devices import plan_session, recording, slopes, true_fit, without_noise
 from imuloop.model.effect import find_effect
 from imuloop.model.effects import SensorEffect
 from imuloop.model.state import BIAS, COUNT, State
@@ -12,7 +12,7 @@ from imuloop.simulate.truth import example_truth
 # the axes of velocities and angles turn with the parameters, which counts where the model errs; and
 # are others beyond where two components of gravity are equal, as in a first pose with z up
 PLAN = {"poses": 12, "initial_rest_s": 10.0, "up": (0.3, -0.5, 0.8)}
-TRUTH = noiseless(planned(example_truth(rate=200.0), **PLAN))
+TRUTH = without_noise(plan_session(example_truth(rate=200.0), **PLAN))
 EFFECTS = {
     "accelerometer": ("quadratic", "lever_arm", "time_offset", "rate_sensitivity", "anisoinertia"),
     "gyroscope": ("g_sensitivity", "gyro_axis_delay"),
@@ -20,7 +20,7 @@ EFFECTS = {
 
 
 @pytest.fixture(scope="module")
-def made():
+def example_recording():
     return recording(TRUTH, 1)
 
 
@@ -34,12 +34,12 @@ COUNTED = {
 
 
 @pytest.mark.parametrize("counted", COUNTED)
-def test_the_derivative_is_that_of_the_residuals(made, counted):
-    joint, x = true_fit(TRUTH, made, **COUNTED[counted])
+def test_the_derivative_is_that_of_the_residuals(example_recording, counted):
+    joint, x = true_fit(TRUTH, example_recording, **COUNTED[counted])
     effects = [SensorEffect(find_effect(name)(), s) for s in joint.estimated for name in EFFECTS[s]]
     x = State(x).with_effects(effects).x
-    measured = joint.measure(x, made, effects)
-    jacobian, kinds = measured.at(x).jacobian, joint.rows(made)[1]
+    measured = joint.measure(x, example_recording, effects)
+    jacobian, kinds = measured.at(x).jacobian, joint.rows(example_recording)[1]
     numeric = slopes(lambda x: measured.at(x).residual, x)
     assert jacobian.shape == numeric.shape == (len(kinds), len(x))
     if joint.factors.bias_held:

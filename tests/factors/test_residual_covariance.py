@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import known, planned, recording, true_fit
+from calibrate.devices import coefficient, plan_session, recording, true_fit
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.simulate.noise import flicker, walk, white
@@ -13,8 +13,8 @@ from imuloop.simulate.truth import example_truth
 
 SEEDS, DRAWS, RATE = 5, 3000, 25.0
 PLAN = {"poses": 3, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
-TRUTH = planned(example_truth(rate=RATE), **PLAN)
-# size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn: over a
+TRUTH = plan_session(example_truth(rate=RATE), **PLAN)
+# size of slow noise where white noise has size one, s^-1/2 and s^-1, and how it is drawn: over a
 # move of a second it is nearly as large
 SLOW = {"B": (1.0, flicker), "K": (0.6, walk)}
 
@@ -42,7 +42,7 @@ def device():
     return joint, plain.noise, made, gains
 
 
-def drawn(made, term, rng):
+def draw_records(made, term, rng):
     """Return records of one channel's noise, at the poses and in the moves, (draws, n)."""
     log, poses, (size, slow) = made.logs[0].t, made.poses, SLOW[term]
     ends = np.searchsorted(log, [poses.start_s, poses.end_s]).T
@@ -63,14 +63,14 @@ def drawn(made, term, rng):
 @pytest.mark.parametrize("term", SLOW)
 def test_it_is_that_of_drawn_records(device, term, axis):
     joint, covariance, made, gains = device
-    found = np.cov((drawn(made, term, np.random.default_rng(axis)) @ gains[axis].T).T)
-    own = AxisNoise(N=known(1.0), **{term: known(SLOW[term][0])})
+    found = np.cov((draw_records(made, term, np.random.default_rng(axis)) @ gains[axis].T).T)
+    own = AxisNoise(N=coefficient(1.0), **{term: coefficient(SLOW[term][0])})
     # of the other channels next to nothing
-    noise = dict.fromkeys(CHANNELS, AxisNoise(N=known(1e-9))) | {CHANNELS[axis]: own}
+    noise = dict.fromkeys(CHANNELS, AxisNoise(N=coefficient(1e-9))) | {CHANNELS[axis]: own}
     off, size = found - covariance.by(NoiseModel("d", noise)), np.sqrt(np.diag(found))
     # of velocities, rotations, and whichever of gravity and rates the channel is of
     assert np.count_nonzero(size > 1e-6) == 5 * len(made.rotations) + len(made.poses)
-    # an angle that next to none of it enters has what the turn within a sample lets in
+    # an angle with almost no direct share has the share that the turn within a sample lets in
     kinds = joint.rows(made)[1]
     largest = {kind: size[kinds == kind].max() for kind in joint.kinds}
     counts = size > 0.1 * np.array([largest[kind] for kind in kinds.tolist()]) + 1e-6
@@ -79,7 +79,7 @@ def test_it_is_that_of_drawn_records(device, term, axis):
     assert np.abs(off).max() < 5 * np.sqrt(2 / DRAWS)
 
 
-def square(values, covariance, biases):
+def chi_square(values, covariance, biases):
     """Return chi square and its degrees of freedom where biases, derivatives (n, q), are free."""
     white = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([values, biases]))
     q = np.linalg.qr(white[:, 1:][:, np.any(biases, axis=0)])[0]
@@ -92,7 +92,7 @@ BIASES = np.r_[6:9, 18:21]
 
 
 def test_errors_at_the_truth_have_the_predicted_covariance():
-    truth = planned(example_truth(), poses=20, move_s=(1.0, 2.0), temperature=None)
+    truth = plan_session(example_truth(), poses=20, move_s=(1.0, 2.0), temperature=None)
     found = {}
     for seed in range(SEEDS):
         made = recording(truth, 100 + seed)
@@ -102,7 +102,7 @@ def test_errors_at_the_truth_have_the_predicted_covariance():
         groups = {kind: kinds == kind for kind in joint.kinds} | {"all": kinds != ""}
         for kind, rows in groups.items():
             own = covariance[np.ix_(rows, rows)]
-            more = square(r[rows], own, jacobian[np.ix_(rows, BIASES)])
+            more = chi_square(r[rows], own, jacobian[np.ix_(rows, BIASES)])
             found[kind] = found.get(kind, 0) + more
     for kind, (chi2, dof) in found.items():
         assert chi2 / dof == pytest.approx(1, abs=3 * np.sqrt(2 / dof)), kind
@@ -120,16 +120,16 @@ def test_a_walk_of_the_rate_is_common_to_rotations_and_the_poses_beside_them():
         n, first = len(made.poses), made.rotations.first
         apart = covariance.copy()
         apart[: 4 * n, 4 * n :] = apart[4 * n :, : 4 * n] = 0
-        # an error of the rate turns gravity as one of the bias does: less what the mean of the
-        # poses at both ends makes of it
+        # an error of the rate turns gravity as one of the bias does, minus its effect on the means
+        # of the poses at both ends
         less = np.eye(len(r))[4 * n :]
         turned = (-jacobian[4 * n :, 18:21] / truth.gyroscope.K).reshape(-1, 2, 3)
         for k, pose in enumerate(first):
             for end in n + 3 * np.array([pose, pose + 1]):
                 less[2 * k : 2 * k + 2, end : end + 3] -= turned[k] / 2
         biases = less @ jacobian[:, BIASES[:3]]
-        together += square(less @ r, less @ covariance @ less.T, biases)
-        alone += square(less @ r, less @ apart @ less.T, biases)
+        together += chi_square(less @ r, less @ covariance @ less.T, biases)
+        alone += chi_square(less @ r, less @ apart @ less.T, biases)
     off = 3 * np.sqrt(2 / together[1])
     assert together[0] / together[1] == pytest.approx(1, abs=off)
     # as if rates and rotations had nothing in common

@@ -1,4 +1,4 @@
-"""Families of devices simulated in numpy alone: what is true of a type, what each device measured.
+"""Families of devices simulated in numpy alone: truth of a type, measurements of each device.
 
 Every parameter has a spread between devices and its own errors; both are known here.
 """
@@ -54,7 +54,7 @@ def member(name, values, std, diagnosis=NOTHING):
 
 
 class Family:
-    """What is true of a type, and what is measured of its devices, `y` and `std`, (n, p)."""
+    """The truth of a type, and measurements of its devices, `y` and `std`, (n, p)."""
 
     def __init__(self, seed, count=50, unlike=()):
         rng, p = np.random.default_rng(seed), len(EVERY)
@@ -65,7 +65,7 @@ class Family:
         true = self.mean + self.spread * rng.normal(size=(count, p))
         self.y = true + self.std * rng.normal(size=(count, p))
         self.names = [f"d{k}" for k in range(count)]
-        # those that stand out, by five spreads of what is measured of a parameter
+        # devices that stand out, by five spreads of the measured parameter
         self.odd = {}
         for name in unlike:
             k, sign = int(rng.integers(count)), rng.choice([-1, 1])

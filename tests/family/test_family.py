@@ -1,4 +1,4 @@
-"""results/family.json: what it holds of a type."""
+"""results/family.json: its content for a type."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from imuloop.family.family import effects, of_type, write_family
 from result_files import fault
 
 
-def diagnosed(**p_values):
+def diagnosis_of(**p_values):
     """Return a diagnosis in which effects of the gyroscope were tried at poses, by p-value."""
     found = [
         {
@@ -66,18 +66,18 @@ def test_a_parameter_that_few_determined_is_left_out():
 
 def test_an_effect_of_one_device_is_not_that_of_the_type():
     rng = np.random.default_rng(0)
-    one = [diagnosed(g_sensitivity=p) for p in [1e-30, *rng.uniform(0.05, 1, 9)]]
+    one = [diagnosis_of(g_sensitivity=p) for p in [1e-30, *rng.uniform(0.05, 1, 9)]]
     found = of_effects(*one)["g_sensitivity"]
     assert found["added"] == ["d0"] and found["tried"] == 10 and found["p_value"] > 0.3
 
 
 def test_an_effect_that_none_shows_by_itself_all_show_together():
-    found = of_effects(*[diagnosed(g_sensitivity=p) for p in [0.03, 0.02, 0.04, 0.01] * 5])
+    found = of_effects(*[diagnosis_of(g_sensitivity=p) for p in [0.03, 0.02, 0.04, 0.01] * 5])
     assert found["g_sensitivity"]["added"] == [] and found["g_sensitivity"]["p_value"] < 1e-6
 
 
 def test_what_was_not_tried_does_not_count():
-    found = of_effects(*[diagnosed(g_sensitivity=0.5, earth_rate=None)] * 2, diagnosed())
+    found = of_effects(*[diagnosis_of(g_sensitivity=0.5, earth_rate=None)] * 2, diagnosis_of())
     assert found == {}
 
 
@@ -86,6 +86,8 @@ def test_p_values_of_effects_hold_for_all_of_them():
     rng, false = np.random.default_rng(1), 0
     names = ("g_sensitivity", "g2_sensitivity", "scale_nonlinearity")
     for _ in range(200):
-        each = [diagnosed(**dict(zip(names, rng.uniform(size=3), strict=True))) for _ in range(6)]
+        each = [
+            diagnosis_of(**dict(zip(names, rng.uniform(size=3), strict=True))) for _ in range(6)
+        ]
         false += min(one["p_value"] for one in of_effects(*each).values()) < 0.05
     assert false <= 18

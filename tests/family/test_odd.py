@@ -6,12 +6,12 @@ from family.members import EVERY, Family
 from imuloop.core.p_values import holm
 from imuloop.family.family import SIGNIFICANCE, of_type
 from imuloop.family.odd import AT_MOST, deviations
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 KINDS = ("accelerometer.b", "gyroscope.K")
 
 
-def named(family):
+def odd_names(family):
     return {each["device"] for each in of_type(family.members())["odd"]}
 
 
@@ -21,11 +21,11 @@ def test_odd_devices_are_named_and_others_are_not(seeds):
     for seed in range(seeds):
         # a chip of another lot: three axes of one kind
         family = Family(seed, unlike=KINDS)
-        found = named(family)
+        found = odd_names(family)
         hits, count = hits + len(found & {*family.odd}), count + len(family.odd)
-        false += bool(found - {*family.odd}) + bool(named(Family(1000 + seed)))
+        false += bool(found - {*family.odd}) + bool(odd_names(Family(1000 + seed)))
     assert hits >= 0.95 * count
-    assert false <= least(2 * seeds, SIGNIFICANCE, 0.99)
+    assert false <= least_count(2 * seeds, SIGNIFICANCE, 0.99)
 
 
 @seeds(4, 40)
@@ -35,8 +35,8 @@ def test_one_parameter_alone_is_named_as_often_as_an_exact_test_can(seeds):
     hits = count = 0
     for seed in range(seeds):
         single = Family(seed, unlike=[EVERY[seed % 21]])
-        hits, count = hits + len(named(single) & {*single.odd}), count + 1
-    assert hits >= least(count, 0.65, 0.01)
+        hits, count = hits + len(odd_names(single) & {*single.odd}), count + 1
+    assert hits >= least_count(count, 0.65, 0.01)
 
 
 def test_two_odd_devices_do_not_hide_each_other_or_themselves():

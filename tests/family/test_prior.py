@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from calibrate.devices import UNITS, calibrated, known_noise, planned, recording
+from calibrate.devices import UNITS, calibrate_recording, known_noise, plan_session, recording
 from family.members import sensor
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import plain
@@ -30,7 +30,7 @@ EXAMPLE = example_truth(rate=25.0)
 NOISE = known_noise(EXAMPLE)
 NAMES = [f"{s}.{name}" for s, name, _ in parameters()]
 BIAS = np.array([name.partition(".")[2][0] == "b" for name in NAMES])
-# what the devices of a type share, drawn within a data sheet's tolerances, and how they spread
+# mean of the devices of a type, drawn within a data sheet's tolerances, and their spread
 SHEET = {"T": 0.02, "K": 0.03, "accelerometer.b": 0.5, "gyroscope.b": 0.2}
 SIZE = np.array([SHEET.get(name[:-1]) or SHEET[name.partition(".")[2][0]] for name in NAMES])
 LOT = SIZE * np.random.default_rng(1).normal(size=len(NAMES))
@@ -38,7 +38,7 @@ SPREAD, ERROR = 0.1 * SIZE, 0.005 * SIZE
 NOMINAL = {s: SensorCalibration.nominal(unit, "no rest") for s, unit in UNITS.items()}
 
 
-def estimated(name, x, std=ERROR):
+def calibration_of(name, x, std=ERROR):
     """Return a Calibration with these parameters, SI, a scale factor less 1, and their errors."""
     x, std = (dict(zip(NAMES, each, strict=True)) for each in (x, std))
     return Calibration(name, EXAMPLE.gravity, *(sensor(s, x, std) for s in SENSORS))
@@ -46,20 +46,22 @@ def estimated(name, x, std=ERROR):
 
 def device(x):
     """Return the device that has these parameters."""
-    made = estimated("d", x)
+    made = calibration_of("d", x)
     each = {s: {k: getattr(getattr(made, s), k) for k in "TKb"} for s in SENSORS}
     return replace(EXAMPLE, **{s: replace(getattr(EXAMPLE, s), **own) for s, own in each.items()})
 
 
-def recorded(x, seed, poses):
+def record_poses(x, seed, poses):
     """Return the recording of a device with some poses, six faces for a text."""
     if poses == "faces":
-        return recording(planned(device(x), "six_position"), seed, "six_position")
-    return recording(planned(device(x), poses=poses - 1, initial_rest_s=10.0), seed)
+        return recording(plan_session(device(x), "six_position"), seed, "six_position")
+    return recording(plan_session(device(x), poses=poses - 1, initial_rest_s=10.0), seed)
 
 
 def calibration(made, prior=None):
-    return Calibration("d", EXAMPLE.gravity, *calibrated(made, NOISE, EXAMPLE.gravity, prior))
+    return Calibration(
+        "d", EXAMPLE.gravity, *calibrate_recording(made, NOISE, EXAMPLE.gravity, prior)
+    )
 
 
 def values(calibration):
@@ -76,13 +78,13 @@ def family(path, count, seed=2):
     rng = np.random.default_rng(seed)
     true = LOT + SPREAD * rng.normal(size=(count, len(NAMES)))
     found = true + ERROR * rng.normal(size=true.shape)
-    members = [Member(f"d{k}", estimated(f"d{k}", x), NOISE, {}) for k, x in enumerate(found)]
+    members = [Member(f"d{k}", calibration_of(f"d{k}", x), NOISE, {}) for k, x in enumerate(found)]
     write_family(path, {"chip": members})
     return true
 
 
 def session(folder, kind="multi_position", sha256="0" * 64, **declared):
-    """Return a session whose samples are one row, of a log with a hash and what is declared."""
+    """Return a session whose samples are one row, of a log with a hash and declarations."""
     origin = {"sha256": {"log": sha256}, "declared": declared}
     table = pa.table({"t": [0.0]}, metadata={b"imuloop": json.dumps(origin).encode()})
     pq.write_table(table, folder / "samples.parquet")
@@ -102,7 +104,7 @@ def test_a_device_that_was_held_out_is_better_with_the_family(seeds, poses, tmp_
     before, after, scores = [], [], []
     for k, x in enumerate(true):
         made, prior = (
-            recorded(x, k, poses),
+            record_poses(x, k, poses),
             read_prior(data_sheet(), tmp_path / "family.json", f"d{k}", {}),
         )
         plain, found = calibration(made), calibration(made, prior)
@@ -142,11 +144,11 @@ def test_too_few_other_devices_are_no_family(tmp_path):
 def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_again(tmp_path):
     """By two poses after another switching on; logged in counts before."""
     true, rng = LOT + 0, np.random.default_rng(3)
-    earlier = in_counts(estimated("d", true + ERROR * rng.normal(size=len(true))))
+    earlier = in_counts(calibration_of("d", true + ERROR * rng.normal(size=len(true))))
     earlier.to_json(tmp_path / "earlier.json")
     true[BIAS] += [TURN_ON["accelerometer"]] * 3 + [-TURN_ON["gyroscope"]] * 3
     file = str(tmp_path / "earlier.json")
-    made, prior = recorded(true, 4, 2), read_prior(data_sheet(), file, "d", session(tmp_path))
+    made, prior = record_poses(true, 4, 2), read_prior(data_sheet(), file, "d", session(tmp_path))
     found = calibration(made, prior)
     away = values(found) - true
     assert (np.abs(away[~BIAS]) < 4 * ERROR[~BIAS]).all()
@@ -159,7 +161,7 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
 
 
 def in_counts(calibration):
-    """Return the same Calibration of raw counts."""
+    """Return the Calibration in raw counts."""
     sensors = {}
     for name, scale in (("accelerometer", 2e-3), ("gyroscope", 1e-4)):
         own, unit = getattr(calibration, name), RawUnit("count", scale, 32768.0)
@@ -170,7 +172,7 @@ def in_counts(calibration):
 
 
 def test_the_bias_has_the_scatter_of_switching_on_and_what_is_unknown_the_data_sheets(tmp_path):
-    earlier = estimated("d", LOT)
+    earlier = calibration_of("d", LOT)
     accelerometer, gyroscope = earlier.accelerometer, earlier.gyroscope
     cycles = FittedEffect(TurnOnBias(2), dict.fromkeys(TurnOnBias(2).parameters, 0.01), {})
     cycles = replace(cycles, std=dict.fromkeys(cycles.values, 0.0))
@@ -190,7 +192,7 @@ def test_the_bias_has_the_scatter_of_switching_on_and_what_is_unknown_the_data_s
     np.testing.assert_allclose(prior.std[BASE["gyroscope"]], [*[0.02] * 6, *[0.03] * 3, *expected])
 
 
-def damaged(content, *keys, value):
+def damage(content, *keys, value):
     """Return the content of a JSON file with another value at keys."""
     *above, last = keys
     place = content
@@ -202,16 +204,16 @@ def damaged(content, *keys, value):
 
 FIXED = {"names": ["K0", "K1"], "matrix": [[1e-8, 0], [0, 0]]}
 PARAMETER = ("types", "chip", "parameters", "gyroscope.K1")
-# a file, made of earlier.json and family.json, what is declared of the device, and what is said
+# a file, made of earlier.json and family.json, declarations of the device, and the message
 WRONG = {
     "no file": (lambda c, f: None, {}, "cannot be read: No such file or directory"),
     "no JSON": (lambda c, f: "t,ax,ay", {}, "no JSON: "),
     "a list": (lambda c, f: [1, 2], {}, "neither a calibration.json nor a family.json"),
     "noise.json": (lambda c, f: NOISE.to_dict(), {}, "neither a calibration.json nor a family"),
     "a later format": (lambda c, f: c | {"format": 9}, {}, "format 9, this version reads format"),
-    "half a calibration": (lambda c, f: damaged(c, "gyroscope", value={}), {}, "gyroscope: "),
+    "half a calibration": (lambda c, f: damage(c, "gyroscope", value={}), {}, "gyroscope: "),
     "no sensor": (
-        lambda c, f: damaged(c, "accelerometer", "K", value=[1e-9, 1, 1]), {}, "accelerometer: K0"
+        lambda c, f: damage(c, "accelerometer", "K", value=[1e-9, 1, 1]), {}, "accelerometer: K0"
     ),
     "nothing measured": (
         lambda c, f: c | {s: own.to_dict() for s, own in NOMINAL.items()},
@@ -226,10 +228,10 @@ WRONG = {
         {"columns": {"acceleration": ["ax", "ay", "az"]}},
         "its axes are others: columns.acceleration was [-ay, ax, az] and is [ax, ay, az]",
     ),
-    "no error": (lambda c, f: damaged(c, "gyroscope", "covariance", value=FIXED), {}, "singular"),
-    "no number": (lambda c, f: damaged(f, *PARAMETER, "std", 0, value=0), {}, "damaged: gyroscope"),
+    "no error": (lambda c, f: damage(c, "gyroscope", "covariance", value=FIXED), {}, "singular"),
+    "no number": (lambda c, f: damage(f, *PARAMETER, "std", 0, value=0), {}, "damaged: gyroscope"),
     "a value less": (
-        lambda c, f: damaged(f, *PARAMETER, "values", value=[1.0]), {}, "damaged: gyroscope.K1: "
+        lambda c, f: damage(f, *PARAMETER, "values", value=[1.0]), {}, "damaged: gyroscope.K1: "
     ),
     "two types": (
         lambda c, f: {"types": f["types"] | {"other": {}}}, {}, "of which type, chip or other?"
@@ -243,7 +245,7 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_file_that_gives_no_prior_is_one_line(wrong, tmp_path):
     harm, how, said = WRONG[wrong]
-    estimated("d", LOT).to_json(tmp_path / "calibration.json")
+    calibration_of("d", LOT).to_json(tmp_path / "calibration.json")
     family(tmp_path / "family.json", 5)
     both = (json.loads((tmp_path / f"{n}.json").read_text()) for n in ("calibration", "family"))
     path, content = tmp_path / "prior.json", harm(*both)
@@ -259,5 +261,5 @@ def test_a_file_that_gives_no_prior_is_one_line(wrong, tmp_path):
 
 
 def test_a_night_for_the_noise_may_be_in_both(tmp_path):
-    replace(estimated("d", LOT), sha256=("0" * 64,)).to_json(tmp_path / "earlier.json")
+    replace(calibration_of("d", LOT), sha256=("0" * 64,)).to_json(tmp_path / "earlier.json")
     assert read_prior(data_sheet(), tmp_path / "earlier.json", "d", session(tmp_path, "static"))

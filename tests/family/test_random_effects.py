@@ -6,7 +6,7 @@ from scipy.optimize import minimize_scalar
 
 from family.members import EVERY, Family
 from imuloop.family.random_effects import fit, spread_interval
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 # trials of the vaccine BCG: cases and others, vaccinated and not
 BCG = np.array(
@@ -38,7 +38,7 @@ def test_the_published_example():
     assert np.square(spread_interval(y, squares)) == pytest.approx([0.1197, 1.1115], abs=5e-5)
 
 
-def restricted(variance, y, squares, X):
+def restricted_likelihood(variance, y, squares, X):
     """Return -2 times the restricted likelihood, from its definition, without a constant."""
     V = np.diag(variance + squares)
     W = np.linalg.inv(V)
@@ -55,13 +55,17 @@ def test_the_variance_is_where_the_restricted_likelihood_is_largest(count):
         y = 3 + rng.normal(0, rng.choice([0, 0.3, 2]), count) + std * rng.normal(size=count)
         found = fit(y, std**2).variance[0]
         grid = np.append(0, np.geomspace(1e-4, 100, 300))
-        best = grid[np.argmin([restricted(v, y, std**2, X) for v in grid])]
+        best = grid[np.argmin([restricted_likelihood(v, y, std**2, X) for v in grid])]
         ends = (0.5 * best, 2 * best + 1e-4)
         exact = minimize_scalar(
-            restricted, bounds=ends, args=(y, std**2, X), method="bounded", options={"xatol": 1e-9}
+            restricted_likelihood,
+            bounds=ends,
+            args=(y, std**2, X),
+            method="bounded",
+            options={"xatol": 1e-9},
         )
-        least_of_all = min(exact.fun, restricted(0, y, std**2, X))
-        assert restricted(found, y, std**2, X) <= least_of_all + 1e-6
+        least_of_all = min(exact.fun, restricted_likelihood(0, y, std**2, X))
+        assert restricted_likelihood(found, y, std**2, X) <= least_of_all + 1e-6
 
 
 def test_several_fits_at_once_are_those_of_their_devices():
@@ -93,7 +97,7 @@ def test_the_spread_lies_within_its_interval(seeds):
         for k in range(len(EVERY)):
             low, high = spread_interval(family.y[:, k], family.std[:, k] ** 2)
             inside.append(low <= family.spread[k] <= high)
-    # the bound is 90 to 98 %: what is true is 95 %
+    # the bound is 90 to 98 %: the truth is 95 %
     count = len(inside)
-    assert least(count, 0.95, 0.005) <= sum(inside) <= least(count, 0.95, 0.995)
+    assert least_count(count, 0.95, 0.005) <= sum(inside) <= least_count(count, 0.95, 0.995)
     assert 0.90 <= np.mean(inside) <= 0.98

@@ -12,7 +12,7 @@ from workflow.run import snakemake
 
 
 def planned_jobs(repository, folder, devices, *arguments):
-    """Return how many jobs of each rule a run would have."""
+    """Return the number of jobs of each rule in a run."""
     (folder / "config.yaml").write_text(yaml.safe_dump({"devices": devices}))
     done = snakemake(repository, folder, "-n", "--quiet", "host", *arguments)
     assert done.returncode == 0, done.stdout + done.stderr

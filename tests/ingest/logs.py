@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from calibrate.devices import planned
+from calibrate.devices import plan_session
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE
 from imuloop.simulate.simulate import simulate_session
@@ -21,7 +21,9 @@ STEPS = [0.0048] * 3 + [0.00106] * 3
 
 
 def simulated(session, seed=5, truth=None, **changed):
-    return simulate_session(planned(truth or example_truth(), session, **changed), session, seed)
+    return simulate_session(
+        plan_session(truth or example_truth(), session, **changed), session, seed
+    )
 
 
 @cache

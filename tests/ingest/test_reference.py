@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from beside import DECLARED, PLACE, QUATERNION, written
-from beside import ingested as ingested_files
+from beside import DECLARED, PLACE, QUATERNION, write_pair
+from beside import ingest_session as ingested_files
 from imuloop.core.samples import read_columns
 from simulated_reference import Beside, simulate_beside
 
@@ -22,7 +22,7 @@ def sound():
 
 def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
     pair = simulate_beside(truth, SEED) if truth else sound()
-    paths = written(folder, "s", (log(pair[0]), reference(pair[1])))
+    paths = write_pair(folder, "s", (log(pair[0]), reference(pair[1])))
     sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}
     return ingested(folder, paths, DECLARED | (declared or {}), sources=sources)
 

@@ -1,4 +1,4 @@
-"""A calibration applied to a file gives what it gives of the samples in it."""
+"""A calibration applied to a file gives the same as applied to the samples in it."""
 
 import json
 from dataclasses import replace
@@ -27,7 +27,7 @@ DESIGNED = [
 ]
 
 
-def fitted(name, kind):
+def draw_effect(name, kind):
     settings = {"steps": {"times": (20.0,)}}
     settings["product"] = {"formula": "θ f_x w_y", "axis": "z", "sensor": kind}
     effect = Effect.library[name](**settings.get(name, {}))
@@ -37,7 +37,7 @@ def fitted(name, kind):
 
 def calibration(names):
     def sensor(kind, unit, scale):
-        effects = tuple(fitted(n, kind) for n in names if kind in Effect.library[n].sensors)
+        effects = tuple(draw_effect(n, kind) for n in names if kind in Effect.library[n].sensors)
         T = np.eye(3) + 0.01 * np.triu(np.ones((3, 3)), 1)
         return SensorCalibration(
             RawUnit(unit, 1.0), T, np.full(3, scale), np.array([0.1, -0.2, 0.3]), effects=effects
@@ -76,7 +76,7 @@ def with_late_thermometer():
 
 
 def with_delays(seconds):
-    """Samples of another time; no range holds them: a knock beyond what was seen is as late."""
+    """Samples of another time; no range holds them: a knock beyond the range seen is as late."""
     made = calibration([])
     for sensor, name, values in (
         ("accelerometer", "time_offset", {"dt": seconds}),

@@ -111,7 +111,7 @@ def test_the_verdict_is_kept_and_files_without_it_are_read(tmp_path):
 
 @pytest.mark.parametrize("way", ["apply", "apply_arrays"])
 def test_what_would_not_be_finite_is_refused(way):
-    """The product is larger than any float; of what is not finite as logged nothing is asked."""
+    """The product is larger than any float; samples that are not finite in the log are exempt."""
     names = find_effect("g_sensitivity").parameters
     effect = FittedEffect(find_effect("g_sensitivity")(), dict.fromkeys(names, 1e308), {})
     nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")

@@ -12,7 +12,7 @@ from imuloop.noise.sampling import Signal
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, quantisation, ramp, walk, white
 from noise.one_record import estimate_record, gauss_markov, line_limit, unbroken
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 SETTINGS = NoiseSettings()
 N, RATE = 30_000, 10.0
@@ -43,7 +43,7 @@ def estimates(seeds, **truth):
 def held(coefficients, truth):
     """Return whether intervals of 95 % hold the truth as often as they are to."""
     count = sum(c.ci95[0] <= truth <= c.ci95[1] for c in coefficients)
-    return count >= least(len(coefficients), 0.95, 0.01)
+    return count >= least_count(len(coefficients), 0.95, 0.01)
 
 
 @seeds(5, 20)

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.sampling import Signal
 from noise.one_record import line_limit
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 RATE = 100.0
 LEVEL = 0.01
@@ -86,9 +86,9 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
             near = ((line.frequency.ci95, f), (line.amplitude.ci95, amplitude))
             rows.append([low <= truth <= high for (low, high), truth in near])
         hits[times] = (len(rows), *np.sum(rows, axis=0))
-    assert least(seeds, 0.9, 0.02) <= hits[1][0] <= least(seeds, 0.9, 0.98), hits
+    assert least_count(seeds, 0.9, 0.02) <= hits[1][0] <= least_count(seeds, 0.9, 0.98), hits
     assert hits[3][0] >= 0.95 * seeds, hits
-    assert all(count >= least(hits[3][0], 0.95, 0.02) for count in hits[3][1:]), hits
+    assert all(count >= least_count(hits[3][0], 0.95, 0.02) for count in hits[3][1:]), hits
 
 
 @pytest.mark.parametrize("frequency", [0.0713, 1.234567, 49.7])

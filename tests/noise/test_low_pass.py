@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
-from calibrate.devices import planned
+from calibrate.devices import plan_session
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.allan import allan_curve
 from imuloop.noise.noise import estimate_noise
@@ -18,7 +18,7 @@ from imuloop.simulate.noise import quantisation
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from noise.one_record import estimate_record, gauss_markov
-from seeds import least, seeds
+from seeds import least_count, seeds
 
 SETTINGS = NoiseSettings()
 
@@ -35,7 +35,7 @@ def filter_notes(log, kind):
 @pytest.mark.parametrize("rate", [10.0, 25.0, 40.0])
 def test_short_rests_at_a_low_rate_are_not_filtered(rate, seeds):
     """Protects from motion between short rests passing for noise without its upper half."""
-    truth = planned(example_truth(rate=rate), poses=12)
+    truth = plan_session(example_truth(rate=rate), poses=12)
     for seed in range(30, 30 + seeds):
         log = simulate_session(truth, "multi_position", seed)
         log[[*CHANNELS]] = (log[[*CHANNELS]] * ([2048] * 3 + [1000] * 3)).round()
@@ -71,7 +71,7 @@ def test_noise_in_front_of_a_filter_is_right(order, corner, seeds):
     assert not any(noise.gauss_markov for noise in found)
     assert np.median([abs(noise.N.value / N - 1) for noise in found]) < 0.015
     held = sum(noise.N.ci95[0] <= N <= noise.N.ci95[1] for noise in found)
-    assert held >= least(seeds, 0.95, 0.01)
+    assert held >= least_count(seeds, 0.95, 0.01)
 
 
 def interpolated(rng, rate):

@@ -1,11 +1,11 @@
-"""The advice names what limits a calibration, and what it promises is what a fit then has."""
+"""The advice names the parameters that limit a calibration, and a fit keeps its promise."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calibrate.devices import UNITS, known_noise, recorded
+from calibrate.devices import UNITS, known_noise, record_samples
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, NoiseModel
@@ -25,9 +25,9 @@ PLANE = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(16)])
 SPREAD = np.random.default_rng(3).permutation(fibonacci_lattice(14))
 
 
-def fitted(up, turns, seed=1, **how):
+def fit_log(up, turns, seed=1, **how):
     """Return the Calibration by a planned log, and its Recording."""
-    recording = recorded(simulate_plan(TRUTH, up, turns, seed, 50.0, **how))
+    recording = record_samples(simulate_plan(TRUTH, up, turns, seed, 50.0, **how))
     sensors = calibrate_sensors(recording, NOISE, TRUTH.gravity, UNITS, CalibrateSettings())
     return Calibration("example", TRUTH.gravity, **sensors), recording
 
@@ -36,14 +36,14 @@ def fitted(up, turns, seed=1, **how):
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
 def test_following_the_advice_lowers_the_standard_error_as_promised(up, sensor):
     turns = turns_between(up)
-    calibration, recording = fitted(up[0], turns)
-    # of one sensor alone: what the other has is good enough
+    calibration, recording = fit_log(up[0], turns)
+    # of one sensor alone: the other is good enough
     other = np.repeat([sensor != name for name in UNITS], 3)
     advice = next_pose_or_turn(calibration, NOISE, recording, np.where(other, np.inf, ENOUGH))
     assert advice.sensor == sensor and advice.std_after < 0.95 * advice.std
     _, turn, seconds = advice.step.turn(up[-1])
     move_s = np.append(np.full(len(turns), 2.0), seconds)
-    again, _ = fitted(up[0], [*turns, turn], move_s=move_s)
+    again, _ = fit_log(up[0], [*turns, turn], move_s=move_s)
     # reduced χ² of a few poses is mostly chance
     chance = [max(1.0, getattr(c, sensor).reduced_chi2 or 1.0) ** 0.5 for c in (calibration, again)]
     found = getattr(again, sensor).std[advice.parameter] / chance[1]
@@ -66,7 +66,7 @@ def test_the_missing_region_is_asked_for_where_all_rests_lie_in_one_plane():
 
 
 def calibrated_with_noise(up):
-    calibration, recording = fitted(up[0], turns_between(up))
+    calibration, recording = fit_log(up[0], turns_between(up))
     return calibration, NOISE, recording
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.study.chain import through
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned
+from bench.study.chain import run_stages
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, plan_session
 from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.rotation import shortest_turn
@@ -21,7 +21,7 @@ UNITS = ACCELERATION_UNIT, RATE_UNIT
 
 @pytest.fixture(scope="module")
 def samples():
-    truth = planned(example_truth(rate=50.0), poses=16, initial_rest_s=60.0)
+    truth = plan_session(example_truth(rate=50.0), poses=16, initial_rest_s=60.0)
     return simulate_session(truth, "multi_position", 1)
 
 
@@ -40,8 +40,8 @@ def test_it_leads_from_the_first_rest_to_done(samples):
     assert all_of_it.done and len(all_of_it.up) == 17
 
 
-def asked(advice, now):
-    """Return the turn that words ask for, how long it takes, s, and what is up after it."""
+def read_advice(advice, now):
+    """Return the turn that words ask for, its duration, s, and the side that is up after it."""
     if "360°" in advice:
         axis = np.eye(3)["xyz".index(advice.split("about ")[1][0])]
         level = np.roll(axis, 1)
@@ -58,7 +58,7 @@ def test_whoever_follows_it_has_poses_enough_all_over_the_sphere():
         found = progress(simulate_plan(truth, up, turns, 1, 50.0, move_s), 9.80665, UNITS)
         if found.done:
             break
-        more, seconds, now = asked(found.advice, now)
+        more, seconds, now = read_advice(found.advice, now)
         turns, move_s = [*turns, *more], [*move_s, *seconds]
     assert found.done and len(found.up) >= 12
     assert np.degrees(largest_hole(found.up)[1]) < 55
@@ -68,7 +68,7 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     samples.to_parquet(tmp_path / "log.parquet", index=False)
     chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"])
-    through(device, (chain.segment, chain.noise, chain.calibrate))
+    run_stages(device, (chain.segment, chain.noise, chain.calibrate))
     made = Calibration.from_json(tmp_path / "multi_position.json")
     found = look(samples, 1e4, noise=rest_noise(samples))
     for sensor in SENSORS:

@@ -11,7 +11,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 @st.composite
 def misalignments(draw, triangular=False, size=0.05):
-    """Matrices with a unit diagonal; upper triangular as of an accelerometer."""
+    """Matrices with a unit diagonal; upper triangular as for an accelerometer."""
     T = np.eye(3)
     for i, j in itertools.permutations(range(3), 2):
         if i < j or not triangular:

@@ -1,4 +1,4 @@
-"""Naming, turning round or rescaling the axes changes what it has to, and nothing else."""
+"""Naming, turning round or rescaling the axes changes the results as it has to, no more."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from calibrate.devices import (
     UNITS,
     UNKNOWN_NOISE,
     at_rest,
-    calibrated,
+    calibrate_recording,
     known_noise,
     recording,
 )
@@ -33,7 +33,7 @@ def means(device, up, seed):
 
 def multi_position(f, error=ERROR):
     """Return T, K, b of the nine-parameter fit to pose means with independent errors."""
-    made, _ = calibrated(at_rest(f, error), UNKNOWN_NOISE, G)
+    made, _ = calibrate_recording(at_rest(f, error), UNKNOWN_NOISE, G)
     return made.T, made.K, made.b
 
 
@@ -51,17 +51,17 @@ def test_the_norm_does_not_depend_on_how_axes_are_named_or_turned(device, turn, 
 
 
 @pytest.fixture(scope="module")
-def made():
+def example():
     """The noise of a simulated device, and a session of it."""
     truth = example_truth()
     return known_noise(truth), recording(truth, 11)
 
 
 @pytest.fixture(scope="module")
-def plain(made):
+def plain_calibration(example):
     """Its accelerometer and gyroscope, calibrated as logged."""
-    noise, log = made
-    return calibrated(log, noise, G)
+    noise, log = example
+    return calibrate_recording(log, noise, G)
 
 
 def turned_recording(made, turn):
@@ -82,11 +82,14 @@ def turned_recording(made, turn):
 
 @settings(max_examples=6)
 @given(signed_permutations)
-def test_both_sensors_turn_with_their_axes(made, plain, turn):
+def test_both_sensors_turn_with_their_axes(example, plain_calibration, turn):
     """The triangular T ties the body frame to the order of the axes: products know no frame."""
     f, w, found, chi2 = G * directions(30, 1), directions(30, 2), [], []
-    noise, log = turned_recording(made, turn)
-    for own, (force, rate) in ((np.eye(3), plain), (turn, calibrated(log, noise, G))):
+    noise, log = turned_recording(example, turn)
+    for own, (force, rate) in (
+        (np.eye(3), plain_calibration),
+        (turn, calibrate_recording(log, noise, G)),
+    ):
         mirror = np.linalg.det(own)
         x, y = force.apply(f @ own.T), mirror * rate.apply(mirror * w @ own.T)
         found.append([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y))])
@@ -98,10 +101,12 @@ def test_both_sensors_turn_with_their_axes(made, plain, turn):
 
 @settings(max_examples=4)
 @given(st.floats(1e-6, 1e3), st.floats(-1e5, 1e5))
-def test_the_unit_of_the_log_reaches_k_and_b_alone(made, plain, scale, offset):
-    noise, log = made
+def test_the_unit_of_the_log_reaches_k_and_b_alone(example, plain_calibration, scale, offset):
+    noise, log = example
     counts = dict.fromkeys(UNITS, RawUnit("count", scale, offset))
-    for one, other in zip(plain, calibrated(log, noise, G, units=counts), strict=True):
+    for one, other in zip(
+        plain_calibration, calibrate_recording(log, noise, G, units=counts), strict=True
+    ):
         np.testing.assert_array_equal(other.T, one.T)
         np.testing.assert_allclose(other.K, one.K * scale, rtol=1e-12)
         np.testing.assert_allclose((other.b - offset) * scale, one.b, atol=1e-10 * scale * 1e5)

@@ -26,7 +26,7 @@ def sensors(draw, triangular, effects=()):
     return SensorCalibration(unit, draw(misalignments(triangular)), K, b, effects=effects)
 
 
-def logged(sensor, x, e=0.0):
+def invert_model(sensor, x, e=0.0):
     """Invert the model: ``raw = K⁻¹ (T⁻¹ x + e) + b``, in SI as logged."""
     raw = (np.linalg.solve(sensor.T, x.T).T + e) / sensor.K + sensor.b
     return (raw - sensor.raw_unit.offset) * sensor.raw_unit.scale
@@ -45,7 +45,7 @@ def test_applying_undoes_the_inverted_model(accelerometer, gyroscope, gain, seed
     )
     f, w = np.random.default_rng(seed).normal(size=(2, 7, 3)) * [[[10.0]], [[2.0]]]
     samples = np.hstack(
-        [logged(accelerometer, f), logged(gyroscope, w, f @ np.reshape(gain, (3, 3)).T)]
+        [invert_model(accelerometer, f), invert_model(gyroscope, w, f @ np.reshape(gain, (3, 3)).T)]
     )
     log = pd.DataFrame(samples, columns=list(CHANNELS)).assign(t=np.arange(7.0))
     found = Calibration("d", 9.8, accelerometer, gyroscope).apply(log)

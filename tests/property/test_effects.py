@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import planned, recording
+from calibrate.devices import plan_session, recording
 from diagnose.models import of_sensor, pair_of
 from imuloop.estimate.least_squares import fit
 from imuloop.model.effect import Channels, Effect
@@ -14,15 +14,15 @@ from imuloop.simulate.truth import example_truth
 
 
 def of_two_power_cycles(recording):
-    """Return a recording whose second half counts as a power cycle of its own."""
+    """Return a recording whose second half counts as another power cycle."""
     n = len(recording.poses)
     return replace(recording, poses=replace(recording.poses, power_cycle=2 * np.arange(n) // n))
 
 
 @pytest.fixture(scope="module")
-def made():
+def warm_recordings():
     """Two recordings that warm up, their pairs of sensors, fits, and the noise of these."""
-    truth, found = planned(example_truth(), temperature=((0, 18), (150, 33), (500, 21))), []
+    truth, found = plan_session(example_truth(), temperature=((0, 18), (150, 33), (500, 21))), []
     for seed in (1, 2):
         one = of_two_power_cycles(recording(truth, seed))
         pair = pair_of(truth, one)
@@ -32,14 +32,14 @@ def made():
 
 
 @pytest.mark.parametrize("effect", Effect.library.values(), ids=Effect.library.keys())
-def test_any_effect_of_the_library_lowers_chi_square(made, effect):
+def test_any_effect_of_the_library_lowers_chi_square(warm_recordings, effect):
     if "poses" not in effect.records:
-        # what is not looked for in poses says so, and that is all it does
+        # an effect that is not searched for in poses says so, and is not tested further
         # and of axes that sit apart `lever_arm` says it
         assert effect.unobservable or effect.records in ((), ("static_record",), ("reference",))
         return
     for sensor in effect.sensors:
-        for one, pair, x, covariance in made:
+        for one, pair, x, covariance in warm_recordings:
             t = one.poses.mid_s
             own, other = (one.poses.f, one.poses.w)[:: 1 if sensor == "accelerometer" else -1]
             channels = Channels(
@@ -49,7 +49,7 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
             variants = effect.variants(channels) or (effect(times=(float(t.mean()),)),)
             wide = of_sensor(sensor, variants[-1])
             count = len(wide[0].parameters)
-            # by the same noise: weights follow what is fitted
+            # by the same noise: weights depend on the fit
             plain, wider = (
                 fit(pair.measure(start, one, effects).at, start, covariance)
                 for effects, start in (((), x), (wide, np.append(x, np.zeros(count))))

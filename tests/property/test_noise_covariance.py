@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from calibrate.devices import known
+from calibrate.devices import coefficient
 from imuloop.core.noise_model import AxisNoise, GaussMarkovTerm, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 
-sizes = st.one_of(st.just(0.0), st.floats(-6, 0).map(lambda power: 10**power)).map(known)
-times = st.floats(0.1, 1e4).map(known)
+sizes = st.one_of(st.just(0.0), st.floats(-6, 0).map(lambda power: 10**power)).map(coefficient)
+times = st.floats(0.1, 1e4).map(coefficient)
 noises = st.builds(
     AxisNoise,
     *[sizes] * 4,

@@ -1,4 +1,4 @@
-"""The eight chips of an array, in two recordings; what is a chip's own shows in both."""
+"""The eight chips of an array, in two recordings; errors of a single chip show in both."""
 
 import os
 from pathlib import Path
@@ -14,7 +14,7 @@ FULL_SCALE = {"acceleration": 156.9, "angular_rate": 34.87}
 GRAVITY = 9.818
 
 
-def ingested(recording, chip, folder):
+def ingest_chip(recording, chip, folder):
     """Ingest a chip of a recording into a folder and return the `Device`."""
     columns = {
         "time": "t_us",

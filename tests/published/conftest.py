@@ -7,12 +7,12 @@ from unittest.mock import patch
 
 import pytest
 
-from bench.study.chain import LIMITS, through
+from bench.study.chain import LIMITS, run_stages
 from imuloop.calibrate.sessions import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import NoiseModel
 from imuloop.model.calibration import Calibration
-from published.measured import devices, ingested, missing
+from published.measured import devices, fetch_fault, ingest_device
 from quick import verdicts
 
 # of one make, and of them the first alone but in a study
@@ -35,13 +35,13 @@ class Measured:
     def of(self, device):
         folder = self.folder / device
         if not folder.exists():
-            if reason := missing(device):
+            if reason := fetch_fault(device):
                 assert "cannot be fetched" in reason
-                pytest.skip(f"{reason}; data/README.md says what it is")
-            made = ingested(device, folder)
+                pytest.skip(f"{reason}; data/README.md describes it")
+            made = ingest_device(device, folder)
             if device == WHOLE:
                 with patch(LIMITS, return_value={}):
-                    through(made)
+                    run_stages(made)
             else:
                 verdicts(made)
         return folder
@@ -64,7 +64,7 @@ class Measured:
 
 
 @pytest.fixture(scope="session")
-def measured(recordings, tmp_path_factory):
+def measured_results(recordings, tmp_path_factory):
     """Return the results of the devices of both configs, up to the diagnosis."""
     with pytest.MonkeyPatch.context() as patch:
         if recordings.folder.is_dir():

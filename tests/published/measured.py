@@ -25,7 +25,7 @@ def devices():
     return {name: device for name, device in found.items() if fetched({name: device})}
 
 
-def missing(name):
+def fetch_fault(name):
     """Bring the recordings of a device; return why one is not at hand, or None."""
     try:
         for place, source in fetched({name: devices()[name]}).items():
@@ -36,7 +36,7 @@ def missing(name):
     return None
 
 
-def ingested(name, folder):
+def ingest_device(name, folder):
     """Ingest the sessions of a device into a folder and return the `Device`."""
     device = devices()[name]
     settings = {key: device[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.study.chain import through
+from bench.study.chain import run_stages
 from imuloop import Calibration, chain
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
@@ -14,7 +14,7 @@ from imuloop.core.samples import read_samples
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.validate.new_bias import update_biases
-from published.array_chips import GRAVITY, NOMINAL, RECORDINGS, ingested
+from published.array_chips import GRAVITY, NOMINAL, RECORDINGS, ingest_chip
 
 
 @pytest.mark.study
@@ -24,8 +24,8 @@ def test_biases_of_a_later_recording_take_most_of_its_error_away(
 ):
     """Calibrated in one recording, updated in half of the other, judged in its second half."""
     monkeypatch.setenv("IMULOOP_MIRROR", str(recordings(f"{RECORDINGS[0]}.parquet").parent))
-    devices = [ingested(name, chip, tmp_path / name) for name in RECORDINGS]
-    through(devices[0], (chain.segment, chain.noise, chain.calibrate))
+    devices = [ingest_chip(name, chip, tmp_path / name) for name in RECORDINGS]
+    run_stages(devices[0], (chain.segment, chain.noise, chain.calibrate))
     old = Calibration.from_json(devices[0].file("multi_position.json"))
     noise = NoiseModel.from_json(devices[0].file("noise.json"))
     samples = read_samples(tmp_path / RECORDINGS[1] / "poses" / "samples.parquet")
@@ -48,7 +48,7 @@ def test_biases_of_a_later_recording_take_most_of_its_error_away(
 @pytest.mark.study
 @pytest.mark.parametrize("chips", [(1, 1, 1), (3, 5, 7)], ids=str)
 def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, chips):
-    """Axes x, y, z of three chips that lie alike; the arms of the drawing, from motion alone."""
+    """Axes x, y, z of three parallel chips; the arms of the drawing, from motion alone."""
     kinds = dict.fromkeys(RECORDINGS, "multi_position")
     device = chain.Device("virtual", tmp_path, kinds, gravity=GRAVITY, nominal=NOMINAL)
     columns = {"time": "t_us", "angular_rate": [f"g{axis}{chips[2]}" for axis in "xyz"]}
@@ -57,7 +57,7 @@ def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, ch
     for name in RECORDINGS:
         log = [recordings(f"{name}.parquet")]
         chain.ingest(device, name, {"columns": columns, "units": units}, log)
-    through(device)
+    run_stages(device)
     block = read_json(device.file("diagnosis.json"))["sensors"]["accelerometer"]["motion"]
     found = next(c for c in block["candidates"] if c["name"] == "lever_arm")
     value, std = (np.array(list(found[key].values())) for key in ("parameters", "std"))

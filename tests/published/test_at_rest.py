@@ -25,13 +25,13 @@ def static_records(measured, device):
 
 
 @pytest.fixture(scope="module")
-def found(measured):
-    return static_records(measured, "cats_tag")
+def tag_records(measured_results):
+    return static_records(measured_results, "cats_tag")
 
 
 @pytest.fixture(scope="module")
-def minutes(measured):
-    folder, means = measured.of("cats_tag"), {}
+def minutes(measured_results):
+    folder, means = measured_results.of("cats_tag"), {}
     for session in devices()["cats_tag"]["sessions"]:
         log = pd.read_parquet(folder / session / "samples.parquet")
         means[session] = log.groupby((log.t // 60).astype(int)).mean()
@@ -42,7 +42,7 @@ def heldout(found, sensor, session, axis):
     return found[sensor]["residuals"]["bias"]["sessions"][session][axis]
 
 
-def test_error_without_effects_is_that_of_a_constant_bias(found, minutes):
+def test_error_without_effects_is_that_of_a_constant_bias(tag_records, minutes):
     # second method: each of eight blocks of time predicted by the mean of the other seven
     for session, mean in minutes.items():
         blocks = np.arange(len(mean)) * 8 // len(mean)
@@ -50,30 +50,32 @@ def test_error_without_effects_is_that_of_a_constant_bias(found, minutes):
             value = mean[axis].to_numpy()
             error = [value[blocks == k] - value[blocks != k].mean() for k in range(8)]
             rms = np.sqrt(np.mean(np.concatenate(error) ** 2))
-            assert heldout(found, sensor, session, axis)["before"] == pytest.approx(rms, rel=0.05)
+            assert heldout(tag_records, sensor, session, axis)["before"] == pytest.approx(
+                rms, rel=0.05
+            )
 
 
-def test_heldout_error_falls(found, minutes):
+def test_heldout_error_falls(tag_records, minutes):
     # az is vertical in static_z alone, but it drifts most: 126 to 205 mm/s^2 are its errors in the
     # three orientations, and x, which is vertical in static_x, has no more than 45 to lose
     for session, mean in minutes.items():
-        az = heldout(found, "accelerometer", session, "az")
+        az = heldout(tag_records, "accelerometer", session, "az")
         assert 0.125 < az["before"] < 0.206
         assert az["after"] <= min(0.015, az["before"] / 8)
-        gy = heldout(found, "gyroscope", session, "gy")
+        gy = heldout(tag_records, "gyroscope", session, "gy")
         assert gy["after"] <= gy["before"] / 4
-        # and that of the axis along gravity
+        # and the error of the axis along gravity
         vertical = mean[["ax", "ay", "az"]].mean().abs().idxmax()
         assert vertical[1] == session[-1]
-        error = heldout(found, "accelerometer", session, vertical)
+        error = heldout(tag_records, "accelerometer", session, vertical)
         assert error["after"] <= min(0.015, error["before"] / 4)
 
 
-def test_a_phone_at_rest_has_no_vibration_rectification(measured, monkeypatch):
+def test_a_phone_at_rest_has_no_vibration_rectification(measured_results, monkeypatch):
     entry = {"kind": "static", "format": "netcdf", "file": PHONE}
     entry["columns"] = {"angular_rate": ANGULAR_RATE}
     config = {"devices": {"phone": {"sessions": {"static": entry}}}}
     monkeypatch.setitem(devices(), "phone", resolve(config)["phone"])
-    found = static_records(measured, "phone")["accelerometer"]
+    found = static_records(measured_results, "phone")["accelerometer"]
     assert found["verdict"] != "not_testable"
     assert found["effects"] == []

@@ -1,4 +1,4 @@
-"""BROAD, published as synchronised: an offset in time that nobody declared, in one trial alone."""
+"""BROAD, published as synchronised: an undeclared offset in time, in one trial alone."""
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ TRIALS = (
 )
 
 
-def diagnosed(folder, logs):
+def diagnose_trials(folder, logs):
     names = [log.name[:2] for log in logs]
     device = Device("broad", folder, dict.fromkeys(names, "reference_motion"), gravity=9.8128)
     declared = {
@@ -43,17 +43,17 @@ def diagnosed(folder, logs):
 
 @pytest.fixture(scope="module")
 def device(recordings, tmp_path_factory):
-    return diagnosed(tmp_path_factory.mktemp("broad"), [recordings(TRIALS[0])])
+    return diagnose_trials(tmp_path_factory.mktemp("broad"), [recordings(TRIALS[0])])
 
 
-def found(device, sensor):
-    """Return the diagnosis of a sensor beside the reference, and its effects by name."""
+def find_effects(device, sensor):
+    """Return the diagnosis of a sensor with the reference, and its effects by name."""
     block = read_json(device.file("diagnosis.json"))["sensors"][sensor]["reference"]
     return block, {effect["name"]: effect for effect in block["effects"]}
 
 
 def test_gyroscope_is_late_and_nothing_else(device):
-    block, effects = found(device, "gyroscope")
+    block, effects = find_effects(device, "gyroscope")
     assert list(effects) == ["time_offset"]
     late = effects["time_offset"]
     # an earlier fit to this trial, apart from the library: 4.17 +- 0.03 ms
@@ -64,7 +64,7 @@ def test_gyroscope_is_late_and_nothing_else(device):
 
 
 def test_accelerometer_is_late_and_off_the_marker(device):
-    block, effects = found(device, "accelerometer")
+    block, effects = find_effects(device, "accelerometer")
     assert set(effects) == {"time_offset", "lever_arm"}
     arm = np.array([effects["lever_arm"]["parameters"][f"r{k}"] for k in "xyz"])
     # a plain least-squares fit of second differences of C r, apart from the library
@@ -75,7 +75,7 @@ def test_accelerometer_is_late_and_off_the_marker(device):
 def test_windows_are_those_of_the_diagnosis(device):
     table = pd.read_parquet(device.file("reference.parquet"))
     for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
-        residual = found(device, sensor)[0]["residuals"][kind]
+        residual = find_effects(device, sensor)[0]["residuals"][kind]
         own = table[table["residual"] == kind]
         assert len(own) == residual["n"]
         for when in ("before", "after"):
@@ -89,10 +89,10 @@ def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordin
     Trial 6 shows the arm and trial 18 the offset.
     """
     names = ("06_undisturbed_fast_rotation_A", "18_undisturbed_fast_translation_with_breaks_B")
-    device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in names])
-    _, effects = found(device, "accelerometer")
+    device = diagnose_trials(tmp_path, [recordings(f"{name}.mat") for name in names])
+    _, effects = find_effects(device, "accelerometer")
     assert set(effects) == {"time_offset", "lever_arm"}
-    _, effects = found(device, "gyroscope")
+    _, effects = find_effects(device, "gyroscope")
     assert list(effects) == ["time_offset"]
     # three other trials say 4.17
     assert effects["time_offset"]["parameters"]["dt"] == pytest.approx(-0.00415, abs=1.5e-4)
@@ -107,15 +107,17 @@ def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordin
 
 
 @pytest.fixture(scope="module")
-def three(recordings, tmp_path_factory):
-    return diagnosed(tmp_path_factory.mktemp("three"), [recordings(trial) for trial in TRIALS])
+def three_trials(recordings, tmp_path_factory):
+    return diagnose_trials(
+        tmp_path_factory.mktemp("three"), [recordings(trial) for trial in TRIALS]
+    )
 
 
-def test_offset_lowers_the_error_of_a_filter_on_other_trials(three, recordings):
+def test_offset_lowers_the_error_of_a_filter_on_other_trials(three_trials, recordings):
     pytest.importorskip("vqf", reason="the package vqf is not installed")
     from bench import vqf_offset
 
-    dt = vqf_offset.offset(read_json(three.file("diagnosis.json")))
+    dt = vqf_offset.offset(read_json(three_trials.file("diagnosis.json")))
     logs = [loadmat(recordings(f"{name}.mat")) for name in vqf_offset.TRIALS]
     errors = np.array([vqf_offset.before_and_after(log, dt) for log in logs])
     # degrees, as docs/reproduce.md has them
@@ -123,14 +125,14 @@ def test_offset_lowers_the_error_of_a_filter_on_other_trials(three, recordings):
     assert (errors[:, 1:] < errors[:, :1]).sum(axis=0).tolist() == [7, 8, 0]
 
 
-def test_each_trial_is_predicted_by_the_others(three):
-    block, effects = found(three, "gyroscope")
+def test_each_trial_is_predicted_by_the_others(three_trials):
+    block, effects = find_effects(three_trials, "gyroscope")
     assert list(effects) == ["time_offset"]
     # degrees, as the README has them
     for key, size in {"before": 1.19, "after": 0.295, "floor": 0.0156}.items():
         printed = np.degrees(block["residuals"]["reference_rotation"][key])
         assert printed == pytest.approx(size, rel=5e-3)
-    windows = pd.read_parquet(three.file("reference.parquet"))
+    windows = pd.read_parquet(three_trials.file("reference.parquet"))
     windows = windows[windows["residual"] == "reference_rotation"]
     for (_, of), most in zip(windows.groupby("session"), (0.50, 0.20, 0.25), strict=True):
         before, after = (of[f"reference_rotation_{k}"] for k in ("before", "after"))

@@ -1,12 +1,12 @@
 """Xsens MTi: against the result that imu_tk published for its own data.
 
-Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's example run.
+Tedaldi, Pretto, Menegatti, ICRA 2014; the figures come from the program's example run.
 """
 
 import numpy as np
 import pytest
 
-from calibrate.devices import calibrated
+from calibrate.devices import calibrate_recording
 from imuloop.core.samples import SENSORS
 from imuloop.factors.factors import Factors
 from imuloop.model.raw_units import as_logged
@@ -20,8 +20,8 @@ K_GYROSCOPE = np.array([0.000209295, 0.000209899, 0.000209483])
 
 
 @pytest.fixture(scope="module")
-def accelerometer(measured):
-    return measured.json("xsens_mti", "multi_position")["accelerometer"]
+def accelerometer(measured_results):
+    return measured_results.json("xsens_mti", "multi_position")["accelerometer"]
 
 
 def poses(measured, sensor):
@@ -34,16 +34,16 @@ def test_accelerometer_parameters_are_those_published(accelerometer):
     np.testing.assert_allclose(accelerometer["b"], B, atol=5)
 
 
-def test_accelerometer_residual_on_held_out_poses(measured):
-    residual = poses(measured, "accelerometer")["residuals"]["gravity_norm"]
+def test_accelerometer_residual_on_held_out_poses(measured_results):
+    residual = poses(measured_results, "accelerometer")["residuals"]["gravity_norm"]
     assert residual["before"] / GRAVITY <= 0.170e-3
 
 
-def test_gyroscope_without_effects_reaches_the_published_cost(measured):
-    recording, noise, multi = measured.fit_of("xsens_mti")
+def test_gyroscope_without_effects_reaches_the_published_cost(measured_results):
+    recording, noise, multi = measured_results.fit_of("xsens_mti")
     units = {s: getattr(multi, s).raw_unit for s in SENSORS}
     how = {"units": units, "gyroscope_bias": "initial_rest"}
-    force, turn = calibrated(recording, noise, multi.gravity, **how)
+    force, turn = calibrate_recording(recording, noise, multi.gravity, **how)
     np.testing.assert_allclose(turn.K, K_GYROSCOPE, rtol=5e-4)
     made = zip(SENSORS, (force, turn), strict=True)
     x = np.concatenate([as_logged(*each) for each in made])
@@ -55,9 +55,9 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured):
     assert (1 - np.sqrt(1 - sine**2)).sum() <= 0.00160
 
 
-def test_g_sensitivity_from_the_poses_explains_the_rotations(measured):
-    found = poses(measured, "gyroscope")
-    assert measured.json("xsens_mti", "multi_position")["gyroscope"]["effects"] == []
+def test_g_sensitivity_from_the_poses_explains_the_rotations(measured_results):
+    found = poses(measured_results, "gyroscope")
+    assert measured_results.json("xsens_mti", "multi_position")["gyroscope"]["effects"] == []
     assert [effect["name"] for effect in found["effects"]] == ["g_sensitivity"]
     rotation = found["residuals"]["rotation"]
     assert np.degrees(rotation["in_sample_after"]) <= 0.140

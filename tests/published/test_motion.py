@@ -1,4 +1,4 @@
-"""The motion between the rests of measured recordings: what it shows, and where knocks rule."""
+"""The motion between the rests of measured recordings: its effects, and where knocks rule."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from published.conftest import BOARDS
 
 GRAVITY = 9.81744
 FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
-# of its own prototype, with σ: m, s, m/s² per rad/s
+# by an independent prototype, with σ: m, s, m/s² per rad/s
 PROTOTYPE = {
     "lever_arm": {
         "rxx": (-5.1e-3, 0.6e-3), "rxy": (1.4e-3, 1.0e-3), "rxz": (-5.3e-3, 0.7e-3),
@@ -32,8 +32,8 @@ PROTOTYPE = {
 
 
 @pytest.fixture(scope="module")
-def xsens(measured):
-    return measured.json("xsens_mti", "diagnosis")["sensors"]["accelerometer"]["motion"]
+def xsens(measured_results):
+    return measured_results.json("xsens_mti", "diagnosis")["sensors"]["accelerometer"]["motion"]
 
 
 def test_the_moves_show_three_effects_that_gravity_cannot(xsens):
@@ -54,9 +54,9 @@ def test_their_sizes_are_those_of_a_prototype(xsens):
 
 
 @pytest.fixture(scope="module")
-def moves(measured):
-    """The Xsens poses and moves, the pair that is fitted, and what the poses alone show."""
-    recording, noise, base = measured.fit_of("xsens_mti")
+def moves(measured_results):
+    """The Xsens poses and moves, the fitted pair, and the effects that the poses alone show."""
+    recording, noise, base = measured_results.fit_of("xsens_mti")
     units = {s: getattr(base, s).raw_unit for s in SENSORS}
     pair, reasons = start_fit(recording, noise, base.gravity, units)
     assert reasons == {}
@@ -119,7 +119,7 @@ def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     assert fall(0) > 1.5 * max(placebo)
 
 
-def vertical(samples, recording):
+def vertical_velocity(samples, recording):
     """Return the vertical velocity that calibrated samples leave of each move, m/s."""
     poses, rotations, found = recording.poses, recording.rotations, []
     t, f, w = (np.array(samples[list(c)]) for c in (("t",), ACCELERATION, ANGULAR_RATE))
@@ -137,19 +137,19 @@ def vertical(samples, recording):
     return np.array(found)
 
 
-def test_a_corrected_file_leaves_less_velocity(measured, moves, tmp_path):
-    folder, recording = measured.of("xsens_mti"), moves[0]
+def test_a_corrected_file_leaves_less_velocity(measured_results, moves, tmp_path):
+    folder, recording = measured_results.of("xsens_mti"), moves[0]
     log, left = folder / "poses" / "samples.parquet", {}
     for name in ("multi_position", "calibration"):
         calibration = Calibration.from_json(folder / f"{name}.json")
         calibration.apply_file(log, tmp_path / f"{name}.parquet")
         pieces = pd.read_parquet(tmp_path / f"{name}.parquet")
-        left[name] = np.sqrt((vertical(pieces, recording) ** 2).mean())
+        left[name] = np.sqrt((vertical_velocity(pieces, recording) ** 2).mean())
     assert left["multi_position"] > 15e-3 and left["calibration"] < 6e-3
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_where_knocks_rule_nothing_is_said_of_motion(measured, board):
+def test_where_knocks_rule_nothing_is_said_of_motion(measured_results, board):
     for sensor in SENSORS:
-        found = measured.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]
+        found = measured_results.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]
         assert found["verdict"] == "not_testable" and "knock" in found["why"]

@@ -21,7 +21,7 @@ TABLE_31 = {
 }
 
 
-def thousand():
+def thousand_values():
     """n_{i+1} = 16807 n_i mod (2^31 - 1), n_0 = 1234567890, over 2^31 - 1."""
     n = [1234567890]
     for _ in range(999):
@@ -47,5 +47,5 @@ VARIANCES = {
 def test_all_printed_digits_agree(name):
     nine = np.sqrt(VARIANCES[name]([NINE], [1, 2]))
     assert [f"{v:.7g}" for v in nine] == [f"{v:.7g}" for v in TABLE_30[name]]
-    thousands = np.sqrt(VARIANCES[name]([thousand()], [1, 10, 100]))
+    thousands = np.sqrt(VARIANCES[name]([thousand_values()], [1, 10, 100]))
     assert [f"{v:.6e}" for v in thousands] == [f"{v:.6e}" for v in TABLE_31[name]]

@@ -35,7 +35,7 @@ QUICK = ("ax", "gy")
 
 
 @cache
-def found(axis):
+def estimated_noise(axis):
     """Return the noise that is estimated of an axis."""
     n = round(8.5 * 3600 * RATE)
     seed = np.random.SeedSequence(6).spawn(len(TRUTH))[list(TRUTH).index(axis)]
@@ -51,17 +51,17 @@ def holds(coefficient, truth):
     return low <= truth <= high
 
 
-# true values beside intervals of 95 % (a zero is missed only by a false find): of 9 at most 1 miss
+# true values outside intervals of 95 % (a zero is missed only by a false find): of 9 at most 1 miss
 # has a probability of 93 %, of 25 at most 3 one of 96.6 %; 44 and 23 % if intervals were of 80 %
 @pytest.mark.parametrize(
     ("axes", "most"), [(QUICK, 1), pytest.param([*PUBLISHED], 3, marks=pytest.mark.study)]
 )
 def test_published_coefficients_lie_within_their_intervals(axes, most):
     missed = [
-        f"{name} of {axis}: {truth:.4g} is not in {getattr(found(axis), name)}"
+        f"{name} of {axis}: {truth:.4g} is not in {getattr(estimated_noise(axis), name)}"
         for axis in axes
         for name, truth in TRUTH[axis].items()
-        if not holds(getattr(found(axis), name), truth)
+        if not holds(getattr(estimated_noise(axis), name), truth)
     ]
     assert len(missed) <= most, "\n".join(missed)
 
@@ -70,7 +70,7 @@ def test_published_coefficients_lie_within_their_intervals(axes, most):
     "axis", [a if a in QUICK else pytest.param(a, marks=pytest.mark.study) for a in PUBLISHED]
 )
 def test_what_hours_determine_is_found_closely_and_nothing_else(axis):
-    noise = found(axis)
+    noise = estimated_noise(axis)
     assert not noise.gauss_markov and not noise.sinusoid
     for name, truth in TRUTH[axis].items():
         coefficient = getattr(noise, name)

@@ -36,7 +36,7 @@ def one_pose_less(table, segments):
     return table.filter(pa.array(table["t"].to_numpy() < last))
 
 
-def diagnosed(measured, name, folder, change, **segment):
+def diagnose_change(measured, name, folder, change, **segment):
     """Return verdict and effects of both sensors at the poses, the log or a setting changed."""
     source = measured.of(name) / "poses"
     (folder / "poses").mkdir(parents=True)
@@ -46,10 +46,10 @@ def diagnosed(measured, name, folder, change, **segment):
     pq.write_table(table, folder / "poses/samples.parquet")
     settings = {key: devices()[name][key] for key in ("gravity", "diagnose")}
     kinds = {"poses": "multi_position"}
-    return judged(verdicts(Device(name, folder, kinds, **settings, segment=segment)))
+    return verdicts_of(verdicts(Device(name, folder, kinds, **settings, segment=segment)))
 
 
-def judged(sensors):
+def verdicts_of(sensors):
     return {
         sensor: (parts["poses"]["verdict"], [e["name"] for e in parts["poses"]["effects"]])
         for sensor, parts in sensors.items()
@@ -62,6 +62,6 @@ def judged(sensors):
     ("change", "segment"),
     [(other_axes_and_unit, {}), (one_pose_less, {}), (as_logged, {"window_s": 1.3})],
 )
-def test_verdicts_are_stable(measured, tmp_path, name, change, segment):
-    expected = judged(measured.json(name, "diagnosis")["sensors"])
-    assert diagnosed(measured, name, tmp_path, change, **segment) == expected
+def test_verdicts_are_stable(measured_results, tmp_path, name, change, segment):
+    expected = verdicts_of(measured_results.json(name, "diagnosis")["sensors"])
+    assert diagnose_change(measured_results, name, tmp_path, change, **segment) == expected

@@ -1,4 +1,4 @@
-"""The loop on measured recordings: what is missing in each device's model, on held-out data."""
+"""The loop on measured recordings: effects missing in each device's model, on held-out data."""
 
 import numpy as np
 import pytest
@@ -32,8 +32,8 @@ def sizes(candidate):
     return np.array([v / candidate["std"][k] for k, v in candidate["parameters"].items()])
 
 
-def test_xsens_accelerometer_needs_no_polynomial(measured):
-    found = part(measured, "xsens_mti", "accelerometer")
+def test_xsens_accelerometer_needs_no_polynomial(measured_results):
+    found = part(measured_results, "xsens_mti", "accelerometer")
     assert names(found) == []
     residual = found["residuals"]["gravity_norm"]
     assert residual["after"] / GRAVITY <= 0.165e-3
@@ -44,10 +44,10 @@ def test_xsens_accelerometer_needs_no_polynomial(measured):
         assert (candidate["heldout_after"] or np.inf) > residual["before"]
 
 
-def test_xsens_gyroscope_is_g_sensitive(measured):
-    found = part(measured, "xsens_mti", "gyroscope")
+def test_xsens_gyroscope_is_g_sensitive(measured_results):
+    found = part(measured_results, "xsens_mti", "gyroscope")
     assert names(found)[:1] == ["g_sensitivity"]
-    poses = read_columns(measured.of("xsens_mti") / "poses.parquet")
+    poses = read_columns(measured_results.of("xsens_mti") / "poses.parquet")
     error = {
         when: np.degrees(np.column_stack([poses[f"pose_rate_{when}_{axis}"] for axis in "xyz"]))
         for when in ("before", "after")
@@ -68,8 +68,8 @@ def test_xsens_gyroscope_is_g_sensitive(measured):
 
 @pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
-def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, sensor):
-    found = part(measured, f"mpu9150_{board}", sensor)
+def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured_results, board, sensor):
+    found = part(measured_results, f"mpu9150_{board}", sensor)
     assert not {"g_sensitivity", "g2_sensitivity", *POLYNOMIAL} & set(names(found))
     for name in POLYNOMIAL & set(candidates(found)):
         assert np.all(np.abs(sizes(candidates(found)[name])) < 3)
@@ -78,8 +78,8 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
-    recording, noise, multi = measured.fit_of(f"mpu9150_{board}")
+def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured_results, board):
+    recording, noise, multi = measured_results.fit_of(f"mpu9150_{board}")
     units = {s: getattr(multi, s).raw_unit for s in SENSORS}
     pair, reasons = start_fit(recording, noise, multi.gravity, units)
     assert reasons == {}
@@ -89,7 +89,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     variants = {effect.kind: (effect,) for effect in (drift, sensitivity)}
     problem = problem_of(pair, recording, variants)
     problem.linearization((drift,))
-    # what no effect explains counts as noise
+    # a residual without an effect counts as noise
     search = Choices(problem)
     assert search.test((drift,), sensitivity).p_value > 0.01
     values, std, _ = search.estimate((drift,), sensitivity)
@@ -98,8 +98,8 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
 
 
 @pytest.mark.study
-def test_climate_chamber_is_temperature_and_its_past(measured):
-    found = part(measured, "thermal_chamber", "accelerometer", "static_record")
+def test_climate_chamber_is_temperature_and_its_past(measured_results):
+    found = part(measured_results, "thermal_chamber", "accelerometer", "static_record")
     assert names(found)[0] == "bias_temperature"
     assert {"bias_temperature_rate", "thermal_hysteresis"} & set(names(found)[1:])
     z = found["residuals"]["bias"]["sessions"]["static"]["az"]
@@ -107,14 +107,14 @@ def test_climate_chamber_is_temperature_and_its_past(measured):
     assert z["after"] <= 0.035
 
 
-def test_the_error_of_the_vertical_over_a_rotation_falls_three_fold(measured):
-    found = measured.json("xsens_mti", "attitude")
+def test_the_error_of_the_vertical_over_a_rotation_falls_three_fold(measured_results):
+    found = measured_results.json("xsens_mti", "attitude")
     rotation = found["methods"]["rotation"]
     assert rotation["n"] == 37
     assert all(effects["gyroscope"][:1] == ["g_sensitivity"] for effects in found["effects"])
     assert rotation["base_over_final"] >= 3
     assert rotation["ratio_ci95"][0] > 2.5
-    # what is left is little more than the noise
+    # the remainder is little more than the noise
     assert rotation["models"]["final"]["rms_deg"] < 1.5 * rotation["floor_deg"]
     # a filter that estimates a bias itself does not make up for the effect
     filtered = found["methods"]["filter"]

@@ -11,7 +11,7 @@ from imuloop.core.files import write_json
 from imuloop.report.pictures import OF_RECORD
 from imuloop.report.section import write_section
 from imuloop.result import Result
-from quick import DRAW, blank
+from quick import DRAW, write_blank
 from report.build import joined_report
 from report.plausible_diagnosis import residual
 from report.plausible_results import DEVICES
@@ -50,7 +50,7 @@ def told(results, tmp_path_factory):
     found["sensors"]["accelerometer"]["motion"] = turn["motion"] | {"effects": []}
     write_json(path, found)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(DRAW, blank)
+        patch.setattr(DRAW, write_blank)
         patch.setattr("imuloop.report.section.OF_RECORD", dict.fromkeys(OF_RECORD, lambda *_: []))
         write_section("board", label, folder / "board", kinds)
         joined_report(folder, ["board"], folder)

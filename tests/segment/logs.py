@@ -59,7 +59,7 @@ def random_turns(n, seed):
     return axes / np.linalg.norm(axes, axis=1)[:, None] * rng.uniform(0.7, 2.4, size=(n, 1))
 
 
-def rotated(samples, rotation):
+def rotate(samples, rotation):
     out = samples.copy()
     for channels in (ACCELERATION, ANGULAR_RATE):
         out[list(channels)] = samples[list(channels)].to_numpy() @ rotation.as_matrix().T

@@ -17,7 +17,7 @@ SETTINGS = SegmentSettings()
 N = 720_000
 
 
-def cut(samples):
+def segment_static(samples):
     segments, _ = segment_session(samples, "static", SETTINGS)
     return segments[segments["kind"] == "disturbed"], segments[segments["kind"] == "static"]
 
@@ -27,7 +27,7 @@ def is_cut(samples, settings=SETTINGS):
     return len(segment_session(samples, "static", settings)[0]) > 1
 
 
-def coloured(seed):
+def coloured_noise(seed):
     """White noise, flicker of a phone's size, a walk, warm-up, a day's temperature, rounding."""
     rng = np.random.default_rng(seed)
     x = static_log(seed, N)[list(CHANNELS)].to_numpy(copy=True)
@@ -44,7 +44,7 @@ def coloured(seed):
     return pd.DataFrame(x, columns=CHANNELS)
 
 
-@pytest.mark.parametrize(("kind", "seed"), [(partial(static_log, n=N), 0), (coloured, 100)])
+@pytest.mark.parametrize(("kind", "seed"), [(partial(static_log, n=N), 0), (coloured_noise, 100)])
 def test_an_undisturbed_session_of_two_hours_is_left_whole(kind, seed):
     """At a probability of 1 %; coloured is warm-up, temperature, walk, a quantised gyroscope."""
     assert not is_cut(kind(seed))
@@ -64,7 +64,7 @@ def test_the_small_lasting_move_of_the_tablet_is_found():
     single step."""
     samples = static_log(0, N)
     samples.loc[470_000:, "ax"] += 0.0119
-    disturbed, static = cut(samples)
+    disturbed, static = segment_static(samples)
     assert len(disturbed) == 1
     assert disturbed["start_s"].item() < 4700 < disturbed["end_s"].item()
     assert np.diff(disturbed[["start_s", "end_s"]]).item() < 30
@@ -75,7 +75,7 @@ def test_a_disturbance_in_the_last_ten_seconds_is_cut_with_its_time():
     """The phone's: shaken by 0.05 m/s² until the end."""
     samples = static_log(1, 72_000)
     samples.loc[71_000:, "ax"] += 0.05 * np.random.default_rng(2).normal(size=1000)
-    disturbed, static = cut(samples)
+    disturbed, static = segment_static(samples)
     assert disturbed["start_s"].iloc[0] == pytest.approx(710, abs=2.5)
     assert disturbed["end_s"].iloc[-1] == pytest.approx(720)
     assert static["end_s"].max() < 710.1
@@ -87,7 +87,7 @@ def test_a_knock_is_cut_tightly_whichever_sensor_feels_it(channel):
     since = np.maximum(samples["t"].to_numpy() - 500, 0)
     ring = np.exp(-since / 0.1) * np.cos(80 * since) * (samples["t"] >= 500)
     samples[channel] += 20 * samples[channel].std() * ring
-    disturbed, static = cut(samples)
+    disturbed, static = segment_static(samples)
     assert len(disturbed) == 1 and len(static) == 2
     assert 498 < disturbed["start_s"].item() < 500
     assert 500.2 < disturbed["end_s"].item() < 503
@@ -99,7 +99,7 @@ def test_a_tilt_beside_a_knock_and_handling_for_a_tenth_are_both_found():
     samples.loc[:20_000, CHANNELS] += rng.normal(size=(20_001, 6)) * [0.5] * 3 + [0] * 6
     samples.loc[120_000:120_020, "az"] += 0.3
     samples.loc[123_000:, "ay"] += 0.01
-    disturbed, _ = cut(samples)
+    disturbed, _ = segment_static(samples)
     for start, end in ((0, 200), (1200, 1200.2), (1230, 1230.01)):
         covered = (disturbed["start_s"] <= start + 0.02) & (disturbed["end_s"] >= end)
         assert covered.sum() == 1, (start, disturbed[["start_s", "end_s"]])

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from calibrate.devices import planned
+from calibrate.devices import plan_session
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -12,7 +12,7 @@ SETTINGS = SegmentSettings()
 
 
 def short_rests(rest_s, poses=60):
-    truth = planned(example_truth(), poses=poses, initial_rest_s=20.0, rest_s=rest_s)
+    truth = plan_session(example_truth(), poses=poses, initial_rest_s=20.0, rest_s=rest_s)
     return simulate_session(truth, "multi_position", 4)
 
 

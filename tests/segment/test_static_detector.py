@@ -13,13 +13,13 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from loggers import lose
-from segment.logs import frame, pose_log, random_turns, rests_of, rotated
+from segment.logs import frame, pose_log, random_turns, rests_of, rotate
 
 SETTINGS = SegmentSettings()
 DEGREE = np.pi / 180
 
 
-def segmented(samples, kind="multi_position", settings=SETTINGS):
+def segment_samples(samples, kind="multi_position", settings=SETTINGS):
     segments, metadata = segment_session(samples, kind, settings)
     return rests_of(segments), metadata
 
@@ -27,7 +27,7 @@ def segmented(samples, kind="multi_position", settings=SETTINGS):
 @pytest.mark.parametrize("first", [60.0, 3.0])
 def test_rests_are_found_within_a_window_of_the_truth(first):
     samples, truth = pose_log(random_turns(14, 1), [first] + [4.0] * 14)
-    rests, metadata = segmented(samples)
+    rests, metadata = segment_samples(samples)
     assert metadata["poses"] == 15
     found = rests[["start_s", "end_s"]].to_numpy()
     assert np.all(np.abs(found - truth) <= SETTINGS.window_s)
@@ -42,24 +42,24 @@ def test_a_slow_turn_about_the_vertical_is_no_rest():
     turning = (samples[TIME] > 30) & (samples[TIME] < 50)
     rate = np.outer(turning, [0, np.sin(1.0), np.cos(1.0)]) * 2 * DEGREE
     samples[list(ANGULAR_RATE)] += rate
-    rests, _ = segmented(samples)
+    rests, _ = segment_samples(samples)
     inside = np.minimum(rests["end_s"], 49) - np.maximum(rests["start_s"], 31)
     assert inside.max() < 0
     # gravity is where it was, but the device is not
     assert rests["pose"].tolist() == [0, 1, 2]
     # without the tolerance only its beginning and its end show
-    rests, _ = segmented(samples, settings=SegmentSettings(rate_tolerance=1.0))
+    rests, _ = segment_samples(samples, settings=SegmentSettings(rate_tolerance=1.0))
     assert np.any((rests["start_s"] > 30) & (rests["end_s"] < 50))
 
 
 @pytest.mark.parametrize("at", [0.3, 0.7])
 def test_a_bias_that_jumps_ends_no_rests(at):
-    """1 deg/s more from some time on, early or late: a device that turns so long turns over."""
+    """1 deg/s more from some time on, early or late: a device that turned at it would turn over."""
     samples, truth = pose_log(random_turns(14, 1), [20.0] + [5.0] * 14)
-    rests, _ = segmented(samples)
+    rests, _ = segment_samples(samples)
     later = samples[TIME] > at * samples[TIME].iloc[-1]
     samples[list(ANGULAR_RATE)] += np.outer(later, [1.0, 0, 0]) * DEGREE
-    found, _ = segmented(samples)
+    found, _ = segment_samples(samples)
     assert len(rests) == len(truth) and len(found) >= len(rests)
     missing = set(rests["start_s"].round(1)) - set(found["start_s"].round(1))
     # that in which it jumps is cut in two
@@ -81,7 +81,7 @@ def test_neighbouring_rests_are_one_pose_if_nothing_turned(turn, poses):
     # shaken while it turns, so that it is seen at all
     shaken = (samples[TIME] > 12) & (samples[TIME] < 14)
     samples.loc[shaken, "ax"] += 0.5 * np.random.default_rng(5).normal(size=shaken.sum())
-    rests, _ = segmented(samples)
+    rests, _ = segment_samples(samples)
     assert len(rests) == 2
     assert rests["pose"].nunique() == poses
 
@@ -89,7 +89,7 @@ def test_neighbouring_rests_are_one_pose_if_nothing_turned(turn, poses):
 @pytest.mark.parametrize("lost", [1, 5])
 def test_rests_go_on_over_a_few_lost_samples(lost):
     samples, _ = pose_log([(1.0, 0, 0), (0, 1.5, 0)], [20.0, 3.0, 3.0])
-    whole, _ = segmented(samples)
+    whole, _ = segment_samples(samples)
     thinned = lose(samples, 0.03, np.random.default_rng(lost), [lost])
     segments, _ = segment_session(thinned, "multi_position", SETTINGS)
     assert not (segments["kind"] == "gap").any()
@@ -117,7 +117,7 @@ def test_quantised_and_constant_channels_still_rest():
     f = np.round(samples[list(ACCELERATION)].to_numpy() / 0.05) * 0.05
     w = np.round(samples[list(ANGULAR_RATE)].to_numpy() / 0.01) * 0.01
     for rate in (w, np.zeros_like(w)):
-        assert len(segmented(frame(samples[TIME].to_numpy(), f, rate))[0]) == 9
+        assert len(segment_samples(frame(samples[TIME].to_numpy(), f, rate))[0]) == 9
 
 
 @pytest.mark.parametrize("kind", ["static", "multi_position"])
@@ -131,7 +131,7 @@ def test_a_log_too_short_to_judge_is_still_covered(kind, n):
 def test_a_log_without_rest_has_no_pose():
     t = np.arange(3000) / 100
     turning = np.column_stack([5 * np.sin(7 * t), 3 * np.cos(3 * t), 4 * np.sin(5 * t)])
-    rests, metadata = segmented(frame(t, turning, turning))
+    rests, metadata = segment_samples(frame(t, turning, turning))
     assert metadata["poses"] == len(rests) == 0
 
 
@@ -140,19 +140,21 @@ LOG = pd.concat([LOG[:2000], LOG[2100:]], ignore_index=True)
 
 
 @cache
-def plain(kind):
+def plain_segments(kind):
     return segment_session(LOG, kind, SETTINGS)[0]
 
 
 @settings(max_examples=8, deadline=None)
 @given(shift=st.floats(-1e6, 1e6), turn=st.tuples(*[st.floats(-3, 3)] * 3))
 def test_a_time_shift_or_another_sensor_frame_moves_nothing(shift, turn):
-    other = rotated(LOG, Rotation.from_rotvec(turn))
+    other = rotate(LOG, Rotation.from_rotvec(turn))
     other[TIME] += shift
     for kind in ("multi_position", "static"):
         moved, _ = segment_session(other, kind, SETTINGS)
-        assert moved[["kind", "pose", "n"]].equals(plain(kind)[["kind", "pose", "n"]])
-        np.testing.assert_allclose(moved["start_s"] - shift, plain(kind)["start_s"], atol=1e-6)
+        assert moved[["kind", "pose", "n"]].equals(plain_segments(kind)[["kind", "pose", "n"]])
+        np.testing.assert_allclose(
+            moved["start_s"] - shift, plain_segments(kind)["start_s"], atol=1e-6
+        )
 
 
 @settings(max_examples=15, deadline=None)

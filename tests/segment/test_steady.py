@@ -45,7 +45,7 @@ def slow_turn(n, rng):
     return np.outer(np.sin(2 * np.pi * np.arange(n) / n), axis / np.linalg.norm(axis)) / 4 * DEGREE
 
 
-def spoilt(samples, rests, motion, seed):
+def spoil_rests(samples, rests, motion, seed):
     """Add a motion to rests; the slow turn about gravity, seen by nothing else."""
     samples, rng = samples.copy(), np.random.default_rng(seed)
     for start, end in rests:
@@ -54,7 +54,7 @@ def spoilt(samples, rests, motion, seed):
     return samples
 
 
-def kept(segments, truth):
+def rest_seconds(segments, truth):
     """Return the seconds of each true rest that are rest in the segments."""
     rests = rests_of(segments)
     start, end = rests["start_s"].to_numpy(), rests["end_s"].to_numpy()
@@ -66,17 +66,17 @@ def kept(segments, truth):
 def test_rests_in_the_hand_are_told_from_true_rests(motion):
     samples, truth = g_sensitive_log(0)
     plain = segment_session(samples, "multi_position", SETTINGS)[0]
-    disturbed = spoilt(samples, truth[SPOILT], motion, 0)
+    disturbed = spoil_rests(samples, truth[SPOILT], motion, 0)
     segments, metadata = segment_session(disturbed, "multi_position", SETTINGS)
-    seconds = kept(segments, truth)
+    seconds = rest_seconds(segments, truth)
     true = np.setdiff1d(np.arange(21), SPOILT)
     # within a quarter of a second, as other multiples may be chosen
-    assert np.all(seconds[true] > kept(plain, truth)[true] - 0.25)
+    assert np.all(seconds[true] > rest_seconds(plain, truth)[true] - 0.25)
     assert metadata["hand_held"] and metadata["poses"] == 21
     rests = rests_of(segments)
     held = np.isin(np.arange(21), SPOILT)
     assert np.array_equal(rests["tilt_rad"] > 0, held)
-    # what a rest turns is above the error that it makes in the rate
+    # the turn within a rest is above the error that it makes in the rate
     names = [f"{channel}_mean" for channel in ANGULAR_RATE]
     error = (rests[names].to_numpy() - rests_of(plain)[names].to_numpy())[SPOILT]
     allowed = np.sqrt(12) * rests["tilt_rad"] / (rests["end_s"] - rests["start_s"])
@@ -90,7 +90,7 @@ def test_a_slow_turn_at_the_end_of_a_rest_is_cut_and_the_rest_stays():
     samples.loc[at, list(ANGULAR_RATE)] += 0.25 * DEGREE * f / np.linalg.norm(f)
     segments, metadata = segment_session(samples, "multi_position", SETTINGS)
     assert metadata["poses"] == 21
-    assert 2.0 < kept(segments, truth)[5] < 3.2
+    assert 2.0 < rest_seconds(segments, truth)[5] < 3.2
     assert segments[segments["pose"] == 5]["end_s"].item() < truth[5, 1] - 0.9
 
 
@@ -122,7 +122,7 @@ def test_false_alarms_are_no_more_than_asked(colour, seeds):
 def test_a_session_that_needs_its_unsteady_rests_keeps_them():
     """Eleven rests, four of them in the hand: the other seven do not determine nine parameters."""
     samples, truth = pose_log(random_turns(10, 5), [8.0] * 11)
-    spoiled = spoilt(samples, truth[2:10:2], tremor, 1)
+    spoiled = spoil_rests(samples, truth[2:10:2], tremor, 1)
     segments, metadata = segment_session(spoiled, "multi_position", SETTINGS)
     assert metadata["poses"] == 11
-    assert kept(segments, truth)[2:10:2].min() > 5
+    assert rest_seconds(segments, truth)[2:10:2].min() > 5

@@ -1,4 +1,4 @@
-"""A gyroscope that hangs in a log: what it repeats is a gap, not a rest, a turn or its noise."""
+"""A gyroscope that hangs in a log: repeated samples are a gap, not a rest, a turn or its noise."""
 
 import numpy as np
 import pandas as pd

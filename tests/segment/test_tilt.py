@@ -15,7 +15,7 @@ from segment.logs import G, frame, rests_of
 NOISE = 1e-3, 6e-5
 
 
-def tilted(degrees, over, seed, seconds=3600.0, rate=20.0, noise=NOISE):
+def tilting_log(degrees, over, seed, seconds=3600.0, rate=20.0, noise=NOISE):
     """A log that tilts about a level axis, at a steady rate in the middle of the session."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
@@ -31,7 +31,7 @@ def tilted(degrees, over, seed, seconds=3600.0, rate=20.0, noise=NOISE):
 
 @pytest.mark.parametrize(("degrees", "over"), [(1, 300), (2, 600), (5, 600), (5, 1200)])
 def test_a_slow_tilt_is_cut_and_its_two_levels_are_kept(degrees, over):
-    segments, metadata = segment_session(tilted(degrees, over, 0), "static", SegmentSettings())
+    segments, metadata = segment_session(tilting_log(degrees, over, 0), "static", SegmentSettings())
     assert metadata["slow_tilts"] >= 1
     kept = rests_of(segments)
     # nothing that is kept turns gravity by more than a part of the tilt
@@ -40,7 +40,7 @@ def test_a_slow_tilt_is_cut_and_its_two_levels_are_kept(degrees, over):
     assert (kept["end_s"] - kept["start_s"]).sum() > 3600 - 1.3 * over - 60
 
 
-def drifting(seed, seconds=3600.0, rate=2.0):
+def drifting_log(seed, seconds=3600.0, rate=2.0):
     """A log at rest whose biases follow one course of temperature, of any size and shape."""
     rng = np.random.default_rng(seed)
     n = round(seconds * rate)
@@ -65,17 +65,19 @@ def drifting(seed, seconds=3600.0, rate=2.0):
 def test_biases_that_drift_together_are_no_tilt(seeds):
     cut = 0
     for seed in range(seeds):
-        samples = drifting(seed)
+        samples = drifting_log(seed)
         cut += len(tilts(Samples(samples), np.array([[0, len(samples)]]), 0.5)) > 0
     # one in a hundred of these, of which most drift far more than a sensor does
     assert cut <= 2 * seeds / 60
 
 
-def resting(seed, settles=0.0, tau=2.0, rests=25, rate=100.0, noise=(2e-3, 1e-4), drift=(0.0, 0.0)):
+def tilted_rests(
+    seed, settles=0.0, tau=2.0, rests=25, rate=100.0, noise=(2e-3, 1e-4), drift=(0.0, 0.0)
+):
     """Force and rate, (3, n), of rests of 5 s, the ranges, the true tilts, and the bias.
 
     Each rest begins with a tilt, rad, about its own level axis, that decays. Both biases drift
-    by so much in each rest, SI, which no other sensor sees.
+    by `drift` in each rest, SI, which no other sensor sees.
     """
     rng, n = np.random.default_rng(seed), round(5 * rate)
     t, bias, parts, sizes = np.arange(n) / rate, rng.normal(size=3) * 0.01, [], []
@@ -100,7 +102,7 @@ def test_what_one_sensor_shows_alone_is_no_tilt():
     falsely = 0
     for seed in range(40):
         # half a mg and 0.01 deg/s in five seconds, each sensor for itself
-        f, w, ranges, _, bias = resting(seed, drift=((0.0, 0.0), (5e-3, 2e-4))[seed % 2])
+        f, w, ranges, _, bias = tilted_rests(seed, drift=((0.0, 0.0), (5e-3, 2e-4))[seed % 2])
         falsely += any(found.any() for _, found in rest_tilts(f, w, ranges, bias, 0.01))
     # one session in a hundred
     assert falsely <= 2
@@ -108,10 +110,10 @@ def test_what_one_sensor_shows_alone_is_no_tilt():
 
 @pytest.mark.parametrize("tau", [1.0, 3.0])
 def test_a_rest_that_settles_is_told_from_one_that_lies_still(tau):
-    """Protects: what a soft surface does is taken for no noise of the sensors."""
-    f, w, ranges, sizes, bias = resting(1, 0.1 * DEGREE, tau)
+    """Protects: the settling of a soft surface is not taken for noise of the sensors."""
+    f, w, ranges, sizes, bias = tilted_rests(1, 0.1 * DEGREE, tau)
     kept, left = without_tilts(f, w, ranges, bias, 0.01)
     assert np.array_equal(kept, ranges) and (left > 0).mean() > 0.7
-    # the tilt of each half about its own mean is less than that of the whole
+    # the tilt of each half about its own mean is less than the tilt of the whole
     whole = np.sqrt((sizes**2).mean(axis=1))
     assert 0.4 < np.median(left[left > 0] / whole[left > 0]) < 1

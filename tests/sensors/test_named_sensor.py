@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import imuloop
-from calibrate.devices import planned
+from calibrate.devices import plan_session
 from imuloop.__main__ import main
 from imuloop.config import resolve
 from imuloop.core.errors import ImuloopError
@@ -17,7 +17,7 @@ from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.sensors import GENERIC, find_sensor
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
-from quick import hurried
+from quick import hurry
 
 COUNTS = {"acceleration": "count", "angular_rate": "count"}
 RANGES = {"acceleration": "16 g", "angular_rate": "2000 deg/s"}
@@ -31,7 +31,7 @@ SHEET = find_sensor("icm42688p")
 
 @pytest.fixture(scope="module")
 def log():
-    truth = planned(example_truth(rate=50.0), poses=6, initial_rest_s=12.0)
+    truth = plan_session(example_truth(rate=50.0), poses=6, initial_rest_s=12.0)
     return simulate_session(truth, "multi_position", 1)
 
 
@@ -46,7 +46,7 @@ def counts(log, tmp_path_factory):
     return path
 
 
-def resolved(text):
+def resolve_device(text):
     sessions = "sessions: {a: {kind: static, file: a.csv}}"
     return resolve(yaml.safe_load(f"devices: {{imu: {{{text}, {sessions}}}}}"))["imu"]
 
@@ -70,7 +70,7 @@ TABLE = [
 
 @pytest.mark.parametrize(("keys", "scale", "full_scale", "stated", "noise"), TABLE)
 def test_a_name_in_a_config_gives_what_is_not_stated(keys, scale, full_scale, stated, noise):
-    device = resolved(keys)
+    device = resolve_device(keys)
     tolerance = vars(SHEET.accelerometer.tolerance) | stated
     assert device["nominal"]["acceleration"].get("scale") == pytest.approx(scale)
     assert device["full_scale"].get("acceleration") == pytest.approx(full_scale)
@@ -80,14 +80,14 @@ def test_a_name_in_a_config_gives_what_is_not_stated(keys, scale, full_scale, st
 
 
 def test_what_no_data_sheet_gives_is_that_of_a_mems_sensor():
-    device = resolved("nominal: {angular_rate: {tolerance: {bias: 0.1}}}")
+    device = resolve_device("nominal: {angular_rate: {tolerance: {bias: 0.1}}}")
     expected = vars(GENERIC["gyroscope"]) | {"bias": 0.1}
     assert device["tolerances"] == {"gyroscope": expected}
     assert not (device["nominal"] or device["full_scale"] or device["data_sheet"])
-    single = resolved("sensor: adis16460")
+    single = resolve_device("sensor: adis16460")
     assert {*single["nominal"]} == {*single["full_scale"]} == {*COUNTS}
     # a part without a gyroscope says nothing of one
-    assert {*resolved("sensor: fxos8700")["tolerances"]} == {"accelerometer"}
+    assert {*resolve_device("sensor: fxos8700")["tolerances"]} == {"accelerometer"}
 
 
 def test_counts_by_a_name_are_those_by_their_scale(counts):
@@ -138,7 +138,7 @@ def test_counts_that_are_not_declared_are_asked_for(counts, options, remedy, cap
 
 def test_a_log_far_from_its_data_sheet_says_so_where_it_is_printed(log, tmp_path):
     moved = log[[*ACCELERATION]] + [6.0, 0.0, 0.0]
-    with hurried("device"):
+    with hurry("device"):
         result = imuloop.calibrate(
             *(log["t"], moved, log[[*ANGULAR_RATE]]),
             **{"sensor": "icm42688p", "settings": QUICK, "progress": False},
@@ -149,7 +149,7 @@ def test_a_log_far_from_its_data_sheet_says_so_where_it_is_printed(log, tmp_path
 
 
 def test_an_earlier_calibration_is_kept_where_the_log_shows_no_more(log, tmp_path):
-    with hurried("device"):
+    with hurry("device"):
         first = imuloop.calibrate(
             *(log["t"], log[[*ACCELERATION]], log[[*ANGULAR_RATE]]),
             **{"folder": tmp_path / "first", "settings": QUICK, "progress": False},
@@ -188,9 +188,9 @@ def test_noise_stands_beside_the_figure_of_the_data_sheet(counts, capsys):
     assert "(angle random walk); data sheet 0.17 (typical)" in printed
 
 
-def test_the_prior_and_the_report_are_those_of_the_data_sheet(log, tmp_path, undrawn):
+def test_the_prior_and_the_report_are_those_of_the_data_sheet(log, tmp_path, blank_figures):
     stated = {"angular_rate": {"tolerance": {"misalignment": 0.05}}}
-    with hurried("device"):
+    with hurry("device"):
         result = imuloop.calibrate(
             *(log["t"], log[[*ACCELERATION]], log[[*ANGULAR_RATE]]),
             **(NAMED | {"nominal": stated, "folder": tmp_path, "settings": QUICK}),

@@ -28,7 +28,7 @@ def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
     )
 
 
-def calibrated(sensor, raw, e):
+def calibrate_output(sensor, raw, e):
     return (((raw - sensor.b) * sensor.K) - e) @ sensor.T.T
 
 
@@ -36,8 +36,8 @@ def test_model_without_effects_gives_back_the_truth():
     truth = device()
     log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
     assert list(log.columns) == ["t", *F, *W]
-    f = calibrated(truth.accelerometer, log[F].to_numpy(), 0)
-    w = calibrated(truth.gyroscope, log[W].to_numpy(), 0)
+    f = calibrate_output(truth.accelerometer, log[F].to_numpy(), 0)
+    w = calibrate_output(truth.gyroscope, log[W].to_numpy(), 0)
     np.testing.assert_allclose(f, motion.specific_force, atol=1e-12)
     np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
 
@@ -50,9 +50,9 @@ def test_effects_are_functions_of_the_output_and_the_other_sensor():
     )
     log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
     output = (log[F].to_numpy() - truth.accelerometer.b) * truth.accelerometer.K
-    f = calibrated(truth.accelerometer, log[F].to_numpy(), 1e-4 * output**2)
+    f = calibrate_output(truth.accelerometer, log[F].to_numpy(), 1e-4 * output**2)
     np.testing.assert_allclose(f, motion.specific_force, atol=1e-9)
-    w = calibrated(truth.gyroscope, log[W].to_numpy(), motion.specific_force @ G.T)
+    w = calibrate_output(truth.gyroscope, log[W].to_numpy(), motion.specific_force @ G.T)
     np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
 
 

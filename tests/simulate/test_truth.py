@@ -1,4 +1,4 @@
-"""Reading a truth: what is said where it is wrong; tests of the replicas read what is right."""
+"""Reading a truth: messages where it is wrong; tests of the replicas read sound ones."""
 
 import pytest
 import yaml

@@ -1,4 +1,4 @@
-"""Validation by attitude: what carries gravity's direction, and on stretches that nobody saw."""
+"""Validation by attitude: gravity's direction by integration, on stretches that no fit saw."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -9,7 +9,7 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import difference, recording
-from diagnose.models import diagnosed as pose_results
+from diagnose.models import pose_result as pose_results
 from diagnose.test_search import MATRIX, with_g_sensitivity
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
@@ -29,7 +29,7 @@ from imuloop.validate.attitude import (
 SETTINGS = DiagnoseSettings()
 
 
-def diagnosed(made):
+def diagnose_poses(made):
     """Return the Diagnosed of poses by the noise of the example, whatever effects they hold."""
     with patch(LIMITS, return_value={}):
         poses = pose_results(example_truth(), made)
@@ -85,7 +85,7 @@ def test_the_filter_has_gravity_where_a_quarter_turn_brings_it():
 
 
 def test_the_filter_shows_what_a_calibration_leaves():
-    """Near the noise with a perfect calibration; what is left of a bias shows, unless it learns it.
+    """Near the noise with a perfect calibration; a remaining bias shows, unless it is learnt.
 
     It runs as users run it: a small bias of the gyroscope is estimated at rest, a large one or one
     of the accelerometer is not.
@@ -106,20 +106,20 @@ def test_the_filter_shows_what_a_calibration_leaves():
 
 
 @pytest.fixture(scope="module")
-def sensitive():
+def sensitive_device():
     made = recording(with_g_sensitivity(example_truth(), MATRIX), 1)
-    found = diagnosed(made)
+    found = diagnose_poses(made)
     return made, found, validate_attitude("d", found, SETTINGS)
 
 
 @pytest.fixture(scope="module")
-def plain():
+def plain_device():
     made = recording(example_truth(), 2)
-    return made, diagnosed(made)
+    return made, diagnose_poses(made)
 
 
-def test_the_error_falls_to_that_of_the_truth(sensitive):
-    made, _, (content, table) = sensitive
+def test_the_error_falls_to_that_of_the_truth(sensitive_device):
+    made, _, (content, table) = sensitive_device
     rotation = content["methods"]["rotation"]
     errors = {m: e["rms_deg"] for m, e in rotation["models"].items()}
     assert errors["raw"] > 3 * errors["base"]
@@ -141,8 +141,8 @@ def test_the_error_falls_to_that_of_the_truth(sensitive):
     assert errors["final"] == pytest.approx(np.sqrt((arrivals**2).mean()))
 
 
-def test_models_do_not_see_what_they_are_judged_by(sensitive):
-    made, found, _ = sensitive
+def test_models_do_not_see_what_they_are_judged_by(sensitive_device):
+    made, found, _ = sensitive_device
     block = blocks(len(made.poses), SETTINGS)
     held = block == 1
     # with two others, by which effects are chosen without it
@@ -162,18 +162,18 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
         models.append(held_out_models(found, problem.with_folds(parts))[1])
     (effect,) = (e for e in found.poses.choices.choice().effects if e.name == "g_sensitivity")
     one, other = (each["final"] for each in models)
-    # what a model lacks counts as noise by all rows, so the base model's weights are of them too
+    # effects that a model lacks count as noise by all rows, so the base model's weights do too
     alone = pair.calibrations(pair.fit(made.select(~held), (effect,)))
     for sensor, names in NAMES.items():
         a, b = (getattr(each, sensor) for each in (one, other))
         assert [e.name for e in a.effects] == [e.name for e in b.effects]
-        # what they say of the noise, and where the fit is linear about
+        # their influence on the noise, and on the point of linearisation
         moved = difference(a, b, names) / [alone[sensor].std[p] for p in names]
         assert np.abs(moved).max() < 0.1
 
 
-def test_without_an_effect_the_final_model_is_the_base_model(plain):
-    content, table = validate_attitude("d", plain[1], SETTINGS)
+def test_without_an_effect_the_final_model_is_the_base_model(plain_device):
+    content, table = validate_attitude("d", plain_device[1], SETTINGS)
     for method in content["methods"].values():
         assert method["models"]["base"] == method["models"]["final"]
         assert (method["base_over_final"], method["ratio_ci95"]) == (1, [1, 1])
@@ -185,17 +185,17 @@ def test_without_an_effect_the_final_model_is_the_base_model(plain):
     assert filtered["base"] < 4 * rotation["floor_deg"] and filtered["raw"] > 1
 
 
-def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(plain, monkeypatch):
+def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(plain_device, monkeypatch):
     """Not each Python and processor has a wheel of it: the rest of a device's results is there."""
     monkeypatch.delitem(METHODS, "filter")
-    content, table = validate_attitude("d", plain[1], SETTINGS)
+    content, table = validate_attitude("d", plain_device[1], SETTINGS)
     assert content["status"] == "ok" and set(table["method"]) == {"rotation"}
     assert set(content["methods"]) == {"rotation"}
 
 
-def test_too_few_poses_are_not_testable(plain):
-    few = plain[0].select(np.arange(len(plain[0].poses)) < 11)
-    content, table = validate_attitude("d", diagnosed(few), SETTINGS)
+def test_too_few_poses_are_not_testable(plain_device):
+    few = plain_device[0].select(np.arange(len(plain_device[0].poses)) < 11)
+    content, table = validate_attitude("d", diagnose_poses(few), SETTINGS)
     assert content["status"] == "not_testable"
     assert "poses" in content["why"]
     assert not len(table["error_deg"])

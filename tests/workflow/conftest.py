@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from family.test_prior import ERROR, estimated
+from family.test_prior import ERROR, calibration_of
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
@@ -39,7 +39,7 @@ EUROC = {f"g{x}": f"w_RS_S_{x} [rad s^-1]" for x in "xyz"}
 EUROC |= {f"a{x}": f"a_RS_S_{x} [m s^-2]" for x in "xyz"}
 
 
-def copied(repository, folder):
+def copy_checkout(repository, folder):
     for part in PARTS:
         source = repository / part
         if source.is_dir():
@@ -52,7 +52,7 @@ def copied(repository, folder):
 @pytest.fixture(scope="session")
 def checkout(repository, tmp_path_factory):
     """A copy of the workflow, to be edited."""
-    return copied(repository, tmp_path_factory.mktemp("checkout"))
+    return copy_checkout(repository, tmp_path_factory.mktemp("checkout"))
 
 
 @pytest.fixture(scope="session")
@@ -75,8 +75,8 @@ def logs(truth):
 
 
 @pytest.fixture(scope="session")
-def finished(checkout, logs, truth, tmp_path_factory):
-    """A folder in which the workflow ran once, and what it printed."""
+def finished_run(checkout, logs, truth, tmp_path_factory):
+    """A folder in which the workflow ran once, and its output."""
     folder = tmp_path_factory.mktemp("work")
     for name in ("logs in", "faces"):
         (folder / name).mkdir()
@@ -86,7 +86,7 @@ def finished(checkout, logs, truth, tmp_path_factory):
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)
     write_log(folder / "rest.parquet", logs["static"], {})
-    earlier = estimated("resting", np.zeros(len(ERROR)))
+    earlier = calibration_of("resting", np.zeros(len(ERROR)))
     earlier.to_json(folder / "earlier.json")
     (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))

@@ -37,10 +37,10 @@ def snakemake(
     """Run the workflow of a repository in a folder; return the finished process."""
     found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
     run = words(repository, folder, *arguments, target=target, config=config)
-    return forked(run, cwd or folder, found | environment)
+    return run_fork(run, cwd or folder, found | environment)
 
 
-def forked(arguments, cwd, env):
+def run_fork(arguments, cwd, env):
     """Run Snakemake in a fork, which spares its imports; return what ``subprocess.run`` would."""
     with TemporaryDirectory() as folder:
         printed = [Path(folder, name) for name in ("stdout", "stderr")]

@@ -24,7 +24,7 @@ RESIDUALS = {
     ("gyroscope", "motion"): {"velocity_vertical": "m/s", "velocity_horizontal": "m/s"},
 }
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
-# residuals of the rows of a table with their components, and what was measured
+# residuals of the rows of a table with their components, and measured values
 ROWS = {
     "poses": ({"gravity_norm": "", "pose_rate": "xyz"}, (*CHANNELS, "temperature")),
     "moves": (
@@ -40,8 +40,8 @@ def effects(sensor):
 
 
 @pytest.fixture(params=DEVICES)
-def folder(finished, request):
-    return finished[0] / "results" / request.param
+def folder(finished_run, request):
+    return finished_run[0] / "results" / request.param
 
 
 @pytest.fixture
@@ -186,8 +186,8 @@ def test_the_attitude_has_a_series_of_each_model(folder):
         assert found["ratio_ci95"][0] <= found["base_over_final"] <= found["ratio_ci95"][1]
 
 
-def test_comparison_has_a_row_per_device_and_units_in_its_header(finished):
-    with open(finished[0] / "results/comparison.csv", encoding="utf-8", newline="") as file:
+def test_comparison_has_a_row_per_device_and_units_in_its_header(finished_run):
+    with open(finished_run[0] / "results/comparison.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["device"] for row in rows] == ["posed", "resting"]
     unitless = re.compile("device|label|status|why|simulated|.*_verdict")
@@ -197,8 +197,8 @@ def test_comparison_has_a_row_per_device_and_units_in_its_header(finished):
         assert unitless.fullmatch(name) or np.isfinite(np.array(values, float)).all(), name
 
 
-def test_the_readme_of_the_exports_lists_its_files(finished):
-    exports = finished[0] / "results/posed/exports"
+def test_the_readme_of_the_exports_lists_its_files(finished_run):
+    exports = finished_run[0] / "results/posed/exports"
     names = {path.name for path in exports.glob("[!.]*")}
     listed = re.findall(r"^(\S+\.\w+)(: | \()", (exports / "README.txt").read_text(), re.M)
     assert {name for name, mark in listed if mark == ": "} == names - {"README.txt"}

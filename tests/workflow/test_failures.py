@@ -11,42 +11,42 @@ from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from workflow.run import snakemake
-from workflow.test_caching import edited, planned
+from workflow.test_caching import edit, planned_jobs
 
-# what a script does for a device before its stage
+# lines that a script runs for a device before its stage
 BUG = "raise ArithmeticError('forced')"
 # for the user, in place of the text of the exception
 WHY = "an error in the code of imuloop (ArithmeticError)"
 KILL = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
 
 
-def spoilt(checkout, stage, device, code):
+def spoil_stage(checkout, stage, device, code):
     """Have a stage of a device do something else first."""
     path = checkout / f"scripts/{stage}.py"
     before, mark, after = path.read_text().partition("open_log(")
     line, _, after = after.partition("\n")
     hurt = f"if snakemake.wildcards.device == '{device}':\n    {code}\n"
-    return edited(path, f"{before}{mark}{line}\n{hurt}{after}")
+    return edit(path, f"{before}{mark}{line}\n{hurt}{after}")
 
 
-def of(jobs, device):
+def stages_of(jobs, device):
     return {job.split("/")[0] for job in jobs if job.split("/")[1] == device}
 
 
 @pytest.fixture(scope="module")
-def runs(finished, checkout, tmp_path_factory):
+def runs(finished_run, checkout, tmp_path_factory):
     """Two runs in a folder in which all was done before: one device fails, then the other too."""
-    folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("failed") / "work")
+    folder = shutil.copytree(finished_run[0], tmp_path_factory.mktemp("failed") / "work")
     found = []
     with ExitStack() as faults:
         for fault in (("diagnose", "resting", BUG), ("report_device", "posed", KILL)):
-            faults.enter_context(spoilt(checkout, *fault))
+            faults.enter_context(spoil_stage(checkout, *fault))
             done = snakemake(checkout, folder)
             table = pd.read_csv(folder / "results/comparison.csv", index_col="device")
             page = (folder / "results/report.html").read_text("utf-8")
-            found.append((done, table, page, planned(checkout, folder)))
+            found.append((done, table, page, planned_jobs(checkout, folder)))
     # the same as before the first one
-    mended = planned(checkout, folder)
+    mended = planned_jobs(checkout, folder)
     return folder, found, mended
 
 
@@ -76,11 +76,11 @@ def test_the_report_has_all_other_devices_and_what_failed(runs):
 
 def test_the_next_run_tries_again(runs):
     _, found, mended = runs
-    assert of(found[0][3], "resting") == {"diagnose", "allan", "report_device"}
-    assert of(found[0][3], "posed") == set()
+    assert stages_of(found[0][3], "resting") == {"diagnose", "allan", "report_device"}
+    assert stages_of(found[0][3], "posed") == set()
     for jobs in (found[1][3], mended):
-        assert of(jobs, "resting") == {"diagnose", "allan", "report_device"}
-        assert "report_device" in of(jobs, "posed") and "report/report" in jobs
+        assert stages_of(jobs, "resting") == {"diagnose", "allan", "report_device"}
+        assert "report_device" in stages_of(jobs, "posed") and "report/report" in jobs
 
 
 def test_a_log_that_lacks_a_declared_column_is_rejected(tmp_path):

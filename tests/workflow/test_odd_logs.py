@@ -7,7 +7,7 @@ import pytest
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from quick import hurried
+from quick import hurry
 from soundness import judge
 from workflow.conftest import QUICK
 
@@ -22,7 +22,7 @@ def faults(tmp_path):
             path = tmp_path / f"{name}.parquet"
             table.to_parquet(path)
             sessions[name] = {"kind": kind, "file": str(path)}
-        with hurried("imu"):
+        with hurry("imu"):
             return judge({"sessions": sessions, **QUICK}, tmp_path / "results")
 
     return of
@@ -39,7 +39,7 @@ def test_axes_without_noise_have_no_allan_curve_and_are_drawn_beside_others(logs
 
 
 @pytest.mark.study
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_padding_is_no_rest_and_one_sample_far_too_large_costs_one(logs, faults, tmp_path):
     whole = logs["multi_position"]
     padded, spoilt, third = whole.copy(), whole.copy(), len(whole) // 3

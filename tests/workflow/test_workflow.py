@@ -17,8 +17,8 @@ from workflow.conftest import CONFIG, QUICK, RESTING
 from workflow.run import command, snakemake
 
 
-def test_a_csv_log_becomes_a_report(finished):
-    folder, done = finished
+def test_a_csv_log_becomes_a_report(finished_run):
+    folder, done = finished_run
     assert done.returncode == 0, done.stderr
     report = (folder / "results/report.html").read_text()
     # a label from the config is text, never markup
@@ -26,8 +26,8 @@ def test_a_csv_log_becomes_a_report(finished):
     assert "<b>peace" not in report
 
 
-def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
-    results = finished[0] / "results/posed"
+def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished_run):
+    results = finished_run[0] / "results/posed"
     assert "rejected" in (results / "section.html").read_text()
     for name in ("samples", "segments", "allan"):
         assert not len(pd.read_parquet(results / f"broken/{name}.parquet"))
@@ -37,15 +37,15 @@ def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
     assert all(axis["N"]["identifiable"] for axis in noise["axes"].values())
 
 
-def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tmp_path):
-    beside, single = finished[0] / "results/posed", tmp_path / "posed"
+def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished_run, tmp_path):
+    beside, single = finished_run[0] / "results/posed", tmp_path / "posed"
     declared = resolve(CONFIG)["posed"]
     sessions = declared["sessions"]
     given = {key: declared[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
     kinds = {name: session.pop("kind") for name, session in sessions.items()}
     device = chain.Device("posed", single, kinds, **given)
     for name, file in (("poses", "logs in/p.csv"), ("broken", "broken.csv")):
-        chain.ingest(device, name, sessions[name], [finished[0] / file])
+        chain.ingest(device, name, sessions[name], [finished_run[0] / file])
     chain.run(device)
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
     assert len(files) > 20
@@ -64,8 +64,8 @@ def test_devices_are_finished_in_the_order_of_the_config(checkout, logs, tmp_pat
     assert [path.parts[-3] for path in written] == [name for name in names for _ in range(2)]
 
 
-def test_faulty_logs_are_named_without_a_traceback(finished):
-    folder, done = finished
+def test_faulty_logs_are_named_without_a_traceback(finished_run):
+    folder, done = finished_run
     for log, kind, text in (
         ("resting/faces", "warnings", "fits the turns of gravity with x as gy, y as gx, z as gz"),
         ("posed/broken", "reasons", "missing or impossible values"),
@@ -128,12 +128,12 @@ def test_a_config_that_cannot_be_read_is_one_line(checkout, tmp_path, text, line
 
 
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(
-    checkout, finished, tmp_path
+    checkout, finished_run, tmp_path
 ):
-    """All paths relative to another folder than that of the results."""
+    """All paths are relative to another folder than the folder of the results."""
     folder, sessions, cached = tmp_path / "else where", {}, {}
     (folder / "mirror/deep").mkdir(parents=True)
-    (folder / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
+    (folder / "rest.parquet").symlink_to(finished_run[0] / "rest.parquet")
     for name in ("here", "gone"):
         content = f"t,ax,ay,az,gx,gy,gz,{name}\n".encode() + b"0,0,0,9.8,0,0,0,0\n" * 50
         digest = hashlib.sha256(content).hexdigest()
@@ -157,8 +157,8 @@ def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(
 
 
 @pytest.mark.study
-def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
-    (tmp_path / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
+def test_another_workflow_has_it_as_a_module(checkout, finished_run, tmp_path):
+    (tmp_path / "rest.parquet").symlink_to(finished_run[0] / "rest.parquet")
     config = {"imu": {"defaults": QUICK, "devices": {"resting": RESTING}}}
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
     (tmp_path / "Snakefile").write_text(
@@ -169,19 +169,19 @@ def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
     made = "results/resting/rest/samples.parquet"
     done = snakemake(tmp_path, tmp_path, target=made, config=None)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()
+    assert (tmp_path / made).read_bytes() == (finished_run[0] / made).read_bytes()
 
 
-def test_a_target_that_names_nothing_is_refused(finished, checkout):
+def test_a_target_that_names_nothing_is_refused(finished_run, checkout):
     target = "results/resting/face/quality.json"
-    done = snakemake(checkout, finished[0], "-n", target=target)
+    done = snakemake(checkout, finished_run[0], "-n", target=target)
     line = "there is no session 'face'; did you mean 'faces'?"
     assert done.returncode and line in done.stdout + done.stderr
 
 
 @pytest.mark.study
-def test_snakemake_makes_its_own_report(finished, checkout):
-    folder, _ = finished
+def test_snakemake_makes_its_own_report(finished_run, checkout):
+    folder, _ = finished_run
     done = snakemake(checkout, folder, "--report", "own.html")
     assert done.returncode == 0, done.stderr
     page = (folder / "own.html").read_text(encoding="utf-8")
@@ -190,9 +190,9 @@ def test_snakemake_makes_its_own_report(finished, checkout):
     assert "results/resting/figures/rest_allan_gyroscope.svg" in marked
 
 
-def test_jobs_ask_for_more_memory_than_they_take(finished):
-    """Protects: a cluster kills a job above what it asked for, so 1.3 times the peak is asked."""
-    folder, done = finished
+def test_jobs_ask_for_more_memory_than_they_take(finished_run):
+    """Protects: a cluster kills a job above its request, so 1.3 times the peak is asked."""
+    folder, done = finished_run
     jobs = re.findall(
         r"log: logs/(\S+)\.log\n(?: .*\n)*? +resources: .*?mem_mb=(\d+)",
         done.stdout + done.stderr,
@@ -207,9 +207,9 @@ def test_jobs_ask_for_more_memory_than_they_take(finished):
 
 
 def test_the_terminal_has_a_line_per_device_and_stage_and_the_verdicts(
-    finished, checkout, tmp_path
+    finished_run, checkout, tmp_path
 ):
-    folder = shutil.copytree(finished[0], tmp_path / "work")
+    folder = shutil.copytree(finished_run[0], tmp_path / "work")
     logger = {"PYTHONPATH": str(checkout / "workflow/logger")}
     again = ("--logger", "imuloop", "--forcerun", "report_device", "report")
     done = subprocess.run(

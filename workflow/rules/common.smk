@@ -1,4 +1,4 @@
-"""The config, read and checked; what a rule takes from it, and the memory and time it asks for."""
+"""The config, read and checked; the values that rules take from it, their memory and time."""
 
 import os
 from hashlib import sha256
@@ -15,10 +15,10 @@ from imuloop.family import LEAST
 from imuloop.file_faults import SIMULATED
 from imuloop.log_digest import log_digests
 
-# a job is one thread; those of the linear algebra library would take the other jobs' cores
+# a job is one thread; threads of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# not that of a workflow that has this one as a module
+# not the repository of a workflow that has this one as a module
 REPOSITORY = Path(imuloop.__file__).parents[3]
 TEMPLATES = REPOSITORY / "workflow/templates"
 # sessions of each simulated device that the workflow can make
@@ -70,7 +70,7 @@ def templates(*names):
 
 
 def one_of(known, name, kind):
-    """Return what has a name; a target may name what is not there."""
+    """Return the entry of this name; a target may name an entry that is not there."""
     if name not in known:
         raise ImuloopError(f"there is no {kind} '{name}'{nearest(name, known)}")
     return known[name]
@@ -136,10 +136,10 @@ def files_inside(wildcards):
 
 
 def log_of(wildcards):
-    """Return what is said of a session's log, and the SHA-256 of its files.
+    """Return the declarations of a session's log, and the SHA-256 of its files.
 
-    A log that an older file replaced is read again. What the workflow makes or fetches is not there
-    at first, and counts by its content or hash.
+    A log that an older file replaced is read again. A file that the workflow makes or fetches is
+    not there at first, and counts by its content or hash.
     """
     session = session_of(wildcards)
     given = [s["path"] for s in session["sources"].values() if "path" in s]
@@ -163,14 +163,14 @@ def prior_digest(wildcards):
 
 
 def gigabytes(session):
-    """Return the size of a session's logs, GB; what is not here yet counts as none."""
+    """Return the size of a session's logs, GB; a file that is not here yet counts as 0."""
     paths = [Path(source_path(source, CACHE)) for source in session["sources"].values()]
     inside = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
     return sum(file.stat().st_size for file in inside if file.is_file()) / 1e9
 
 
 def by_size(least, per_gigabyte, **per_session):
-    """Return a function: what a job asks a cluster for, more for large logs and in each retry.
+    """Return a function of the memory or time of a job, more for large logs and in each retry.
 
     Of memory 1.3 times the peaks that were measured, with 330 MB for the two Snakemakes of a
     submission; a session adds what its kind has.

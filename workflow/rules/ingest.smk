@@ -1,4 +1,4 @@
-# Without a digest of its code: what it gives is fixed by the SHA-256.
+# Without a digest of its code: the SHA-256 fixes its output.
 rule ingest_fetch:
     output:
         f"{CACHE}/{{sha256}}/{{filename}}",

@@ -1,6 +1,6 @@
-# what every page is made with
+# templates of every page
 PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
-# what the files of other tools are made with
+# templates of the files of other tools
 EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
 
 
@@ -106,7 +106,7 @@ rule attempt:
     localrule: True
 
 
-# a target: what each device has of its own, nothing of all together
+# a target: the results of each device, nothing of all together
 rule devices:
     input:
         expand("results/{device}/section.html", device=share(DEVICES)),

@@ -11,17 +11,17 @@ from types import CodeType
 import yaml
 
 _LIBRARY = Path(__file__).resolve().parent
-# what is imported: a package of the library, a module beside its packages or a package of others
+# imports: a package of the library, a module next to its packages or a package of others
 _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | as |$)", re.M)
 
 
 def code_digest(script, *packages, library=_LIBRARY):
     """Return the SHA-256 of the code that a stage uses.
 
-    What counts: the script; of the library all modules and YAML tables of the package with the
-    script's name, of `packages`, by their names, of core, and of each package that one of these or
-    the script imports; modules beside the packages that are imported, as chain.py; and of packages
-    of others the version. Comments, what a docstring says, and assertions do not count.
+    The script counts; so do all modules and YAML tables of the package with the script's name, of
+    `packages`, by their names, of core, and of each package that one of these or the script
+    imports; imported modules next to the packages, such as chain.py; and the versions of packages
+    of others. Comments, the text of docstrings, and assertions do not count.
     """
     script, library = Path(script), Path(library)
     found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
@@ -32,7 +32,7 @@ def code_digest(script, *packages, library=_LIBRARY):
             found[name] = [(path.name, _digest(path)) for path in paths]
             waiting.update(*map(_imports, paths))
         elif (path := library / f"{name}.py").is_file():
-            # what it imports does not count: chain.py has all stages
+            # its imports do not count: chain.py has all stages
             found[name] = _digest(path)
         else:
             found[name] = _version(name)

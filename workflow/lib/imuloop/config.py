@@ -13,7 +13,7 @@ from imuloop.sensors import device_figures
 
 # of all logs of a device, where a session does not say otherwise
 OF_LOGS = ("columns", "units", "format", "rate")
-# what a pattern of file names has
+# signs of a pattern of file names
 _WILD = re.compile(r"[*?\[]")
 STAGES = ("segment", "noise", "calibrate", "diagnose")
 
@@ -62,7 +62,7 @@ def _expanded(device):
 
 
 def _files(file, form):
-    """Return the files of a pattern or a folder of logs, in order; None of what is one log."""
+    """Return the files of a pattern or a folder of logs, in order; None if `file` is one log."""
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
         return None
     try:
@@ -87,7 +87,7 @@ def _files(file, form):
 
 
 def _session_name(path, session, taken):
-    """Return the name of a file's session: that of the file, as far as it can name a folder."""
+    """Return the name of a file's session: the file's name, as far as it can name a folder."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
     if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
         name = f"{session}_{name}"[:60]
@@ -101,7 +101,7 @@ def _session_name(path, session, taken):
 def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
-    By device: ``label``, ``gravity`` (m/s^2), those of `device_figures`, the stages' settings,
+    By device: ``label``, ``gravity`` (m/s^2), keys of `device_figures`, the stages' settings,
     ``type``, None where not given, ``prior`` with ``file`` and ``type``, empty where not given, and
     ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and
     ``angular_rate``; ``pps`` and ``reference`` in their own files), ``columns``, ``units``,

