@@ -55,7 +55,7 @@ class Device:
 def ingest(device, session, declared, paths):
     """Write samples and quality of one session, the log of which lies in files.
 
-    Raises an ImuloopError if what is declared does not fit the log.
+    Raises an ImuloopError if the declarations do not fit the log.
 
     Parameters
     ----------
@@ -281,11 +281,11 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the stages that make results of what was ingested, in order."""
-    return segment, noise, calibrate, diagnose, allan
+    """Return the stages that make the results of a device from its samples, in order."""
+    return segment, noise, calibrate, diagnose
 
 
 def run(device):
     """Do all stages of a device that follow ingest."""
-    for stage in (*stages(), report_device):
+    for stage in (*stages(), allan, report_device):
         stage(device)
