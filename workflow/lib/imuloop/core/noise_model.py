@@ -13,8 +13,8 @@ FORMAT = 1
 DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
 # frequency at which the power is a half, share of the sensor's rate, by degree
 HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
-# least eigenvalue of a correlation matrix that is inverted: far above rounding, far below that of
-# white noise next to a slow random walk
+# least eigenvalue of a correlation matrix that is inverted: far above rounding, far below the
+# least eigenvalue of white noise next to a slow random walk
 _LEAST_EIGENVALUE = 1e-11
 
 
@@ -34,14 +34,14 @@ class Coefficient:
 
     @property
     def size(self):
-        """The value, or the upper limit of a term that is not identifiable; None without both."""
+        """The value, or the upper limit of a term that is not identifiable, or None."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
     def of(cls, value, error):
         """Return the Coefficient, SI, with a value that the data support, and its standard error.
 
-        The limits are those of a normal distribution; the 95 % interval does not go below zero.
+        The limits follow from a normal distribution; the 95 % interval does not go below zero.
         """
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
@@ -66,7 +66,7 @@ class SinusoidTerm:
 
     amplitude: Coefficient
     frequency: Coefficient
-    origin: str | None = None  # what the line is likely to be, e.g. an alias of mains
+    origin: str | None = None  # likely source of the line, e.g. an alias of mains
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 It is a pandas DataFrame of float64 columns in SI: the time `t` (s since the first sample), specific
 force `ax ay az` (m/s^2), angular rate `gx gy gz` (rad/s) and, if it was logged, `temperature`
 (degC). If `t` was rebuilt, `t_logged` is the time stamp of the log. If the sensors have two clocks,
-`t` is that of the faster sensor. Each row then holds the nearest sample of the slower sensor, whose
+`t` is the faster sensor's. Each row then holds the nearest sample of the slower sensor, whose
 own time stamp is in `t_accelerometer` or `t_gyroscope`.
 """
 
@@ -196,7 +196,7 @@ class Samples:
 
 
 def holds(source, sensor):
-    """Return whether samples have values of a sensor; true if there are no samples.
+    """Return whether samples have values of a sensor; true without any sample.
 
     Ingest writes zeros for a sensor that the log lacks.
     """
@@ -229,7 +229,7 @@ def on_gyroscope_clock(columns):
     faster one is averaged over the samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
-    # only the slower sensor has a column of its own time stamps
+    # only the slower sensor has a column for its time stamps
     if gyroscope_time in columns:
         first = own_rows(columns[gyroscope_time])
         count = np.diff(np.append(first, len(columns[gyroscope_time])))

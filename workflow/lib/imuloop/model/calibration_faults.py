@@ -20,7 +20,8 @@ MOST_BYTES = 4_000_000
 _SHOWN = 160
 
 _QUANTITIES = {"accelerometer": "acceleration", "gyroscope": "angular_rate"}
-# names of the base parameters that a fit can estimate, and of those of the accelerometer alone
+# names of the base parameters that a fit can estimate: K and b, T of the gyroscope, T of the
+# accelerometer
 _SCALES = {f"{letter}{i}" for letter in "Kb" for i in range(3)}
 _ANGLES = {f"T{i}{j}" for i in range(3) for j in range(3) if i != j}
 _UPPER = {name for name in _ANGLES if name[1] < name[2]}
@@ -123,7 +124,7 @@ def _base_faults(calibration, sensor):
     ratio = K / unit.scale
     for i in np.flatnonzero(~((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST))):
         limits = f"{1 / _FURTHEST:g} to {_FURTHEST:g} times"
-        yield f"K{i} is {ratio[i]:.4g} times what the unit promises, not {limits}"
+        yield f"K{i} is {ratio[i]:.4g} times the scale of the unit, not {limits}"
     if not np.all(np.abs(np.diag(T) - 1) <= _ROUNDING):
         yield "the diagonal of T is not 1"
     if sensor == "accelerometer" and np.tril(T, -1).any():

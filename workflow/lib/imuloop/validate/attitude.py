@@ -207,7 +207,7 @@ def _rotation_floor(problem, solution):
     """
     factors = problem.joint_fit.linearise(solution, problem.recording)
     noise = factors.noise.by(problem.joint_fit.noise)
-    # the rows after those of the recording belong to the prior
+    # the rows after the rows of the recording belong to the prior
     measured = slice(len(solution.white))
     covariance = held_out_covariance(noise, factors.jacobian, problem.row_folds[measured])
     # a rotation has two components
