@@ -11,7 +11,7 @@ from imuloop.factors.gravity_norm import gravity_norm
 from imuloop.factors.rest_rate import rest_rate
 from imuloop.factors.rotation import rotation
 from imuloop.factors.velocity import velocity
-from imuloop.model.state import BIAS
+from imuloop.model.state import BIAS, COUNT, NAMES, State
 
 
 class Linearised:
@@ -23,10 +23,12 @@ class Linearised:
     ----------
     measured, state : Measurements, State
         The rests and moves, and the p parameters of both sensors and of their effects.
-    force : Sensor
-        The accelerometer with these parameters.
+    force, turn : Sensor
+        The accelerometer and the gyroscope with these parameters.
     force_at_rest : ndarray, shape (n, 3)
         Calibrated specific force at the rests, m/s^2.
+    up : ndarray, shape (n, 3)
+        Direction of `force_at_rest`, a unit vector.
     across : ndarray, shape (n, 3, 3)
         Derivative of the direction of `force_at_rest` with respect to `force_at_rest`.
     leaving, arriving : ndarray, shape (m, 3)
@@ -62,10 +64,10 @@ class Linearised:
         # derivative of the sum of a sensor's effects with respect to their parameters: of the
         # accelerometer at rests, of the gyroscope along moves
         (of_force, _), (_, along) = measured.designs.values()
-        self.force, turn = (state.sensor(name) for name in SENSORS)
+        self.force, self.turn = (state.sensor(name) for name in SENSORS)
         self.force_at_rest = self.force.values(rests.f, of_force)
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
-        up = self.force_at_rest / norm
+        up = self.up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
         # upward directions at the start and end of each rest, which differ if it tilts: the small
         # rotations within it are calibrated as angular rates are
@@ -73,7 +75,7 @@ class Linearised:
         start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
         # rotation vectors of the time steps
-        turns = step_vectors(turn.values(moves.w, along), moves.steps, moves.uneven)
+        turns = step_vectors(self.turn.values(moves.w, along), moves.steps, moves.uneven)
         half = exponential(turns / 2)
         self.after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
@@ -90,21 +92,15 @@ class Linearised:
         places = [first + width * number + np.arange(width) for first, width in blocks]
         self.places = np.concatenate(places, axis=1)
 
-    def _rest_rows(self, state, designs):
-        """Return the RestRows, residuals and derivatives at rests, of both sensors at a State.
-
-        `designs` has the derivatives of the effects of the state by sensor, a pair: at the rests,
-        (n, 3, q), and along the moves, (m, k, 3, q).
-        """
-        rests, (of_force, of_turn) = self.measured.rests, (at for at, _ in designs.values())
-        force, turn = (state.sensor(name) for name in SENSORS)
-        gravity = self.measured.factors.gravity
-        return gravity_norm(force, rests.f, gravity, of_force), rest_rate(turn, rests.w, of_turn)
-
     @cached_property
     def rest_rows(self):
         """Residuals at rests and their derivatives, RestRows of accelerometer and gyroscope."""
-        return self._rest_rows(self.state, self.measured.designs)
+        rests, gravity = self.measured.rests, self.measured.factors.gravity
+        (of_force, _), (of_rate, _) = self.measured.designs.values()
+        return (
+            gravity_norm(self.force, rests.f, gravity, of_force),
+            rest_rate(self.turn, rests.w, of_rate),
+        )
 
     @property
     def residual(self):
@@ -116,9 +112,47 @@ class Linearised:
         return values[self.measured.counted]
 
     @cached_property
+    def move_terms(self):
+        """How the residuals of moves depend on calibrated values, a list of (sensor, term).
+
+        Each term is a dict. `places`, (m, a), are the indices of the residuals, `weights`,
+        (m, k, a, 3), their derivative with respect to the calibrated values of k samples, and `y`,
+        (m, k, 3), the values before calibration, nominal SI. `rest`, (m,), is the index of the rest
+        that the one sample is the mean of; it is None for the samples of the move.
+        """
+        rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
+        terms = []
+        for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
+            at_rest = {"weights": by_force[:, None], "y": rests.f[rest, None], "rest": rest}
+            terms.append(("accelerometer", {"places": self.places, **at_rest}))
+        # the rate of a step is the mean of the rates at its ends
+        weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
+        along = {"weights": weights, "y": moves.w, "rest": None}
+        terms.append(("gyroscope", {"places": self.places, **along}))
+        if rows.by_force is not None:
+            weights = rows.by_force * self.weights[..., None, None]
+            # only the last components, the velocity, depend on the force during a move
+            places = self.places[:, -weights.shape[2] :]
+            along = {"weights": weights, "y": moves.f, "rest": None}
+            terms.append(("accelerometer", {"places": places, **along}))
+        return terms
+
+    @cached_property
     def jacobian(self):
         """Derivative of the N residuals that the fit uses by the p parameters, (N, p)."""
-        return self._jacobian(self.state, self.measured.designs, self.rest_rows)
+        designs, state = self.measured.designs, self.state
+        jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
+        for sensor, at_rest in zip(SENSORS, self.rest_rows, strict=True):
+            stop = start + at_rest.residual.size
+            jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
+            start = stop
+        for sensor, term in self.move_terms:
+            design = _design_of(designs[sensor], term["rest"])
+            change = state.sensor(sensor).jacobian(term["weights"], term["y"], design)
+            jacobian[term["places"][..., None], state.places(sensor)] += change
+        if self.measured.factors.bias_held:
+            jacobian[:, BIAS] = 0.0
+        return jacobian[self.measured.counted]
 
     def columns(self, effects):
         """Return the derivative of the N residuals with respect to effects that the state lacks.
@@ -126,56 +160,38 @@ class Linearised:
         `effects` is a sequence of SensorEffect with q parameters, which are zero. The result is
         (N, q), with a row for each residual that the fit uses.
         """
-        state, designs = self.state.with_effects(effects), self.measured.designs_with(effects)
-        jacobian = self._jacobian(state, designs, self._rest_rows(state, designs))
-        return jacobian[:, len(self.state.x) :]
-
-    def _jacobian(self, state, designs, rest_rows):
-        """Return the derivative of the N residuals that the fit uses by the p parameters, (N, p).
-
-        It is taken at a State. `designs` has the derivatives of its effects by sensor, a pair: at
-        the rests, (n, 3, q), and along the moves, (m, k, 3, q). `rest_rows` has the residuals at
-        rests and their derivatives, RestRows of both sensors.
-        """
-        rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
-        jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
-
-        def add(sensor, places, weights, y, design):
-            """Add to the residuals at `places` what a sensor's k samples per move contribute.
-
-            `weights`, (m, k, a, 3), is the derivative of the residuals by the calibrated values of
-            the samples, y, (m, k, 3), their values in nominal SI (before calibration), and
-            `design`, (m, k, 3, q), their derivative by the parameters of the effects.
-            """
-            change = state.sensor(sensor).jacobian(weights, y, design)
-            jacobian[places[..., None], state.places(sensor)] += change
-
-        for sensor, at_rest in zip(SENSORS, rest_rows, strict=True):
-            stop = start + at_rest.residual.size
-            jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
-            start = stop
-        # derivatives of the effects of the accelerometer at rests and along moves, and of those of
-        # the gyroscope along moves
-        (at_rests, along_by_force), (_, along_by_rate) = designs.values()
-        for weights, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
-            f, design = rests.f[rest, None], at_rests[rest, None]
-            add("accelerometer", self.places, weights=weights[:, None], y=f, design=design)
-        # the rate of a step is the mean of those at its ends
-        weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
-        add("gyroscope", self.places, weights=weights, y=moves.w, design=along_by_rate)
-        if rows.by_force is not None:
-            weights = rows.by_force * self.weights[..., None, None]
-            # only the last components, the velocity, depend on the force during a move
-            places = self.places[:, -weights.shape[2] :]
-            add("accelerometer", places, weights=weights, y=moves.f, design=along_by_force)
-        if self.measured.factors.bias_held:
-            jacobian[:, BIAS] = 0.0
-        return jacobian[self.measured.counted]
+        state = State(self.measured.about.x[:COUNT]).with_effects(effects)
+        designs, n = self.measured.designs_at(state), len(self.measured.rests)
+        sensors = {"accelerometer": self.force, "gyroscope": self.turn}
+        places = {s: state.places(s)[len(NAMES[s]) :] - COUNT for s in SENSORS}
+        columns = np.zeros((len(self.measured.counted), len(state.x) - COUNT))
+        (of_force, _), (of_rate, _) = designs.values()
+        # at a rest the norm of gravity changes along the upward direction, (n, k, a, 3)
+        norm = self.force.effect_jacobian(self.up[:, None, None], of_force[:, None])
+        columns[:n, places["accelerometer"]] = norm[:, 0]
+        columns[n : 4 * n, places["gyroscope"]] = -np.concatenate(of_rate)
+        for sensor, term in self.move_terms:
+            # most variants belong to one sensor
+            if len(places[sensor]):
+                design = _design_of(designs[sensor], term["rest"])
+                change = sensors[sensor].effect_jacobian(term["weights"], design)
+                columns[term["places"][..., None], places[sensor]] += change
+        return columns[self.measured.counted]
 
     @cached_property
     def noise(self):
         """The covariance by noise of the residuals at this state, a ResidualCovariance."""
         return ResidualCovariance(self)
+
+
+def _design_of(designs, rest):
+    """Return the derivative of a sensor's effects at the samples of moves, (m, k, 3, q).
+
+    `designs` has the derivatives at the rests, (n, 3, q), and along the moves, (m, k, 3, q). With
+    `rest`, (m,), the one sample of each move is the mean over the rest of this index.
+    """
+    at_rests, along = designs
+    return along if rest is None else at_rests[rest, None]
 
 
 def add_at_both_ends(values):
