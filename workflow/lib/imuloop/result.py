@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import textwrap
 import weakref
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -145,12 +145,7 @@ class Result:
         return Path(folder)
 
     def __reduce__(self):
-        # a pickle has the content of the files: the folder may be temporary, or of another machine
-        folder = self.device.folder
-        files = {
-            p.relative_to(folder).parts: p.read_bytes() for p in folder.rglob("*") if p.is_file()
-        }
-        return _unpickled, (self.device, files)
+        raise TypeError("a Result is not pickled: save(folder) keeps it, imuloop.load reads it")
 
     def __str__(self):
         return self.describe()
@@ -195,19 +190,6 @@ class TemporaryFolder:
     def __init__(self):
         self.name = tempfile.mkdtemp(prefix="imuloop-")
         weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
-
-
-def _unpickled(device, files):
-    """Return the Result of a Device, with its files in a temporary folder that is removed with it.
-
-    `files` has the content of each file by the parts of its path in the folder.
-    """
-    kept = TemporaryFolder()
-    for parts, content in files.items():
-        path = Path(kept.name, *parts)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    return Result(replace(device, folder=Path(kept.name)), kept)
 
 
 def load(folder) -> Result:

@@ -7,9 +7,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_yaml
 from imuloop.core.units import raw_unit
 from imuloop.model.effect import Effect
 
@@ -45,7 +45,7 @@ def _validator():
     # loaded late and parsed once, as it takes longer than the rest of reading a calibration
     from jsonschema import Draft202012Validator
 
-    return Draft202012Validator(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
+    return Draft202012Validator(read_yaml(SCHEMA))
 
 
 def content_fault(content):
