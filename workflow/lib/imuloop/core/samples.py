@@ -182,11 +182,6 @@ class Samples:
         """Return columns of a range of rows, shape (len(names), last - first)."""
         return np.array([self[name][first:last] for name in names], float)
 
-    def pieces(self, names, rows=ROWS):
-        """Yield the first row of each piece and its columns, shape (len(names), n)."""
-        for first in range(0, len(self), rows):
-            yield first, self.read(names, first, min(first + rows, len(self)))
-
     @cached_property
     def interval(self):
         """Median time step, s; None if there are fewer than two samples."""

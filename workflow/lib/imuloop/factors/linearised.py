@@ -1,5 +1,6 @@
 """Residuals of all factors at one state, with their Jacobian and intermediate values."""
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,37 @@ from imuloop.factors.rest_rate import rest_rate
 from imuloop.factors.rotation import rotation
 from imuloop.factors.velocity import velocity
 from imuloop.model.state import BIAS, COUNT, NAMES, State
+
+
+@dataclass(frozen=True)
+class MoveTerm:
+    """How the last a residuals of m moves depend on calibrated values of one sensor.
+
+    The values are k samples of each move, or the mean over the rest before or after it.
+    """
+
+    sensor: str
+    # (m, k, a, 3): derivative of the residuals with respect to the calibrated values
+    weights: np.ndarray
+    y: np.ndarray  # (m, k, 3): the values before calibration, nominal SI
+    rest: np.ndarray | None = None  # (m,): index of the rest; None for the samples of the move
+
+    def design(self, designs):
+        """Return the derivative of the sensor's effects at the values, (m, k, 3, q).
+
+        `designs` has by sensor the derivatives at the rests, (n, 3, q), and along the moves,
+        (m, k, 3, q).
+        """
+        at_rests, along = designs[self.sensor]
+        return along if self.rest is None else at_rests[self.rest, None]
+
+    def rows(self, places):
+        """Return the indices of the residuals in a Jacobian, (m, a, 1).
+
+        `places` has the indices of all residuals of each move. A force during the move changes only
+        the last ones, the velocities.
+        """
+        return places[:, -self.weights.shape[2] :, None]
 
 
 class Linearised:
@@ -64,7 +96,8 @@ class Linearised:
         # derivative of the sum of a sensor's effects with respect to their parameters: of the
         # accelerometer at rests, of the gyroscope along moves
         (of_force, _), (_, along) = measured.designs.values()
-        self.force, self.turn = (state.sensor(name) for name in SENSORS)
+        self.sensors = {name: state.sensor(name) for name in SENSORS}
+        self.force, self.turn = self.sensors.values()
         self.force_at_rest = self.force.values(rests.f, of_force)
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
         up = self.up = self.force_at_rest / norm
@@ -113,28 +146,17 @@ class Linearised:
 
     @cached_property
     def move_terms(self):
-        """How the residuals of moves depend on calibrated values, a list of (sensor, term).
-
-        Each term is a dict. `places`, (m, a), are the indices of the residuals, `weights`,
-        (m, k, a, 3), their derivative with respect to the calibrated values of k samples, and `y`,
-        (m, k, 3), the values before calibration, nominal SI. `rest`, (m,), is the index of the rest
-        that the one sample is the mean of; it is None for the samples of the move.
-        """
+        """How the residuals of moves depend on calibrated values, a list of MoveTerm."""
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
-        terms = []
-        for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
-            at_rest = {"weights": by_force[:, None], "y": rests.f[rest, None], "rest": rest}
-            terms.append(("accelerometer", {"places": self.places, **at_rest}))
         # the rate of a step is the mean of the rates at its ends
-        weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
-        along = {"weights": weights, "y": moves.w, "rest": None}
-        terms.append(("gyroscope", {"places": self.places, **along}))
+        by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
+        terms = [MoveTerm("gyroscope", by_rate, moves.w)]
+        for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
+            mean = rests.f[rest, None]
+            terms.append(MoveTerm("accelerometer", by_force[:, None], mean, rest=rest))
         if rows.by_force is not None:
-            weights = rows.by_force * self.weights[..., None, None]
-            # only the last components, the velocity, depend on the force during a move
-            places = self.places[:, -weights.shape[2] :]
-            along = {"weights": weights, "y": moves.f, "rest": None}
-            terms.append(("accelerometer", {"places": places, **along}))
+            by_force = rows.by_force * self.weights[..., None, None]
+            terms.append(MoveTerm("accelerometer", by_force, moves.f))
         return terms
 
     @cached_property
@@ -146,10 +168,10 @@ class Linearised:
             stop = start + at_rest.residual.size
             jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
             start = stop
-        for sensor, term in self.move_terms:
-            design = _design_of(designs[sensor], term["rest"])
-            change = state.sensor(sensor).jacobian(term["weights"], term["y"], design)
-            jacobian[term["places"][..., None], state.places(sensor)] += change
+        for term in self.move_terms:
+            sensor, design = self.sensors[term.sensor], term.design(designs)
+            change = sensor.jacobian(term.weights, term.y, design)
+            jacobian[term.rows(self.places), state.places(term.sensor)] += change
         if self.measured.factors.bias_held:
             jacobian[:, BIAS] = 0.0
         return jacobian[self.measured.counted]
@@ -162,7 +184,6 @@ class Linearised:
         """
         state = State(self.measured.about.x[:COUNT]).with_effects(effects)
         designs, n = self.measured.designs_at(state), len(self.measured.rests)
-        sensors = {"accelerometer": self.force, "gyroscope": self.turn}
         places = {s: state.places(s)[len(NAMES[s]) :] - COUNT for s in SENSORS}
         columns = np.zeros((len(self.measured.counted), len(state.x) - COUNT))
         (of_force, _), (of_rate, _) = designs.values()
@@ -170,28 +191,18 @@ class Linearised:
         norm = self.force.effect_jacobian(self.up[:, None, None], of_force[:, None])
         columns[:n, places["accelerometer"]] = norm[:, 0]
         columns[n : 4 * n, places["gyroscope"]] = -np.concatenate(of_rate)
-        for sensor, term in self.move_terms:
+        for term in self.move_terms:
             # most variants belong to one sensor
-            if len(places[sensor]):
-                design = _design_of(designs[sensor], term["rest"])
-                change = sensors[sensor].effect_jacobian(term["weights"], design)
-                columns[term["places"][..., None], places[sensor]] += change
+            if len(own := places[term.sensor]):
+                sensor, design = self.sensors[term.sensor], term.design(designs)
+                change = sensor.effect_jacobian(term.weights, design)
+                columns[term.rows(self.places), own] += change
         return columns[self.measured.counted]
 
     @cached_property
     def noise(self):
         """The covariance by noise of the residuals at this state, a ResidualCovariance."""
         return ResidualCovariance(self)
-
-
-def _design_of(designs, rest):
-    """Return the derivative of a sensor's effects at the samples of moves, (m, k, 3, q).
-
-    `designs` has the derivatives at the rests, (n, 3, q), and along the moves, (m, k, 3, q). With
-    `rest`, (m,), the one sample of each move is the mean over the rest of this index.
-    """
-    at_rests, along = designs
-    return along if rest is None else at_rests[rest, None]
 
 
 def add_at_both_ends(values):
