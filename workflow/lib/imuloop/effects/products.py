@@ -66,7 +66,7 @@ class Product(Effect):
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
         return tuple(factors)
 
-    @property
+    @cached_property
     def parameters(self):
         """Unit of the one parameter, the coefficient c, by its name, a dict."""
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
