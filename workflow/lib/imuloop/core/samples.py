@@ -37,7 +37,7 @@ OWN_TIME = {"accelerometer": "t_accelerometer", "gyroscope": "t_gyroscope"}
 # columns of a reference: quaternion from body to world, scalar first; position, m
 ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 
-# number of rows of a piece: 8 columns of it take 8 MB
+# number of samples, from the start of a log, that show the step of its values
 ROWS = 1 << 17
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
