@@ -170,7 +170,5 @@ def _others(content, name, device):
         raise ImuloopError(f"damaged: {name}: {error!r}") from error
     y, std = rows.reshape(-1, 2).T
     if not (np.isfinite(rows).all() and (std > 0).all()):
-        raise ImuloopError(
-            f"damaged: {name} has a value that is not a number, or lacks a standard error"
-        )
+        raise ImuloopError(f"damaged: {name} has a value or a standard error that is not valid")
     return y, std
