@@ -55,7 +55,7 @@ IN_PYTHON = {
     "one array": (
         (np.arange(100),),
         {},
-        "log: an array of shape (100,) is no log; a log is a path",
+        "log: an array of shape (100,) is not a log; a log is a path",
     ),
     "no time": ((), {"acceleration": F, "angular_rate": W}, "t: none is given"),
     "ragged rows": ((T, [[1, 2, 3], [1]], W), {}, "acceleration: its rows differ in length"),

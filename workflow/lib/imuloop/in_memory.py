@@ -26,8 +26,8 @@ ARRAYS = {
 def log_of(log, columns=None, name="log"):
     """Return a log as a path or a DataFrame, or as a mapping of the two sensors to one each.
 
-    `columns` are those that are declared, `name` is what the log is called in messages. Raises an
-    ImuloopError for what is no log.
+    `columns` are the declared ones, and messages call the log `name`. Raises an ImuloopError for a
+    value that is not a log.
     """
     if isinstance(log, FILE):
         if not Path(log).exists():
@@ -66,7 +66,7 @@ def log_of(log, columns=None, name="log"):
         if log.ndim == 2:
             remedy = " without columns by number, {'time': 0, 'acceleration': [1, 2, 3], …}"
     raise ImuloopError(
-        f"{name}: {what} is no log{remedy}; a log is a path, a DataFrame or (t, acceleration, "
+        f"{name}: {what} is not a log{remedy}; a log is a path, a DataFrame or (t, acceleration, "
         "angular_rate[, temperature]) of arrays; of two files {'acceleration': path, "
         "'angular_rate': path}"
     )
