@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from imuloop.chain import Device, ingest_or_reject
+from imuloop.chain import Device, ingest
 from imuloop.core.files import read_json
 from imuloop.job_log import open_log, say
 
@@ -13,7 +13,8 @@ device = Device(
 (session,) = device.kinds
 name = f"{device.name}/{session}"
 open_log(snakemake.log[0], f"ingest {name}")
-ingest_or_reject(device, session, snakemake.params.log["declared"], list(snakemake.input.log))
+log, paths = snakemake.params.log["declared"], list(snakemake.input.log)
+ingest(device, session, log, paths, reject=True)
 quality = read_json(snakemake.output.quality)
 for line in (*(f"rejected: {reason}" for reason in quality["reasons"]), *quality["warnings"]):
     say(f"{name}: {line}")

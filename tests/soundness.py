@@ -144,7 +144,8 @@ def run(declared, results):
     given = {key: declared[key] for key in ("gravity", "nominal")}
     device = Device(DEVICE, results / DEVICE, kinds, **given)
     for name, session in sessions.items():
-        chain.ingest_or_reject(device, name, session, [session["sources"]["log"]["path"]])
+        paths = [session["sources"]["log"]["path"]]
+        chain.ingest(device, name, session, paths, reject=True)
     chain.run(device)
     provenance = {"imuloop": "0", "command": "test", "commit": "not known", "config": {}}
     write_report(

@@ -77,7 +77,7 @@ def mistake(request, tmp_path):
 def test_in_the_workflow_it_is_a_key(mistake, tmp_path):
     path, declared, (key, *_) = mistake
     device = chain.Device("board", tmp_path, {"poses": "multi_position"})
-    chain.ingest_or_reject(device, "poses", declared, [path])
+    chain.ingest(device, "poses", declared, [path], reject=True)
     quality = read_json(device.sessions["poses"]["quality"])
     assert key in " ".join([*quality["reasons"], *quality["warnings"]])
 

@@ -36,9 +36,6 @@ def test_columns_and_ranges_are_those_of_the_table(table, tmp_path, size):
         for first, last in ((0, 1000), (0, 1), (63, 65), (332, 999), (5, 5)):
             expected = table[list(names)].to_numpy()[first:last].T
             np.testing.assert_array_equal(samples.read(names, first, last), expected)
-    parts = list(samples.pieces(CHANNELS, 128))
-    assert [first for first, _ in parts] == list(range(0, 1000, 128))
-    np.testing.assert_array_equal(np.hstack([x for _, x in parts]), table[[*CHANNELS]].T)
     assert samples.interval == np.median(np.diff(table[TIME]))
 
 

@@ -142,7 +142,7 @@ def test_rests_calibrate_and_the_reference_writes_neither_t_nor_k(tmp_path):
     paths = write_pair(tmp_path, "hand", simulate_beside(truth, 13600))
     sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}
     told = {"reference": DECLARED, "sources": sources, "columns": {"time": "t"}}
-    chain.ingest_or_reject(own, "hand", told, paths)
+    chain.ingest(own, "hand", told, paths, reject=True)
     with patch(ATTITUDE, return_value=no_attitude("d", "not asked for")):
         run_stages(own)
     poses, final = (

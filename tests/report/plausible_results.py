@@ -104,6 +104,7 @@ def _session(folder, device, session, kind, rng):
             ("duplicates", "identical", "out_of_order", "bad_lines", "outside_time_range"), 0
         ),
         "spiked": 0,
+        "source": {"log": {"path": f"{session}.csv"}},
         "spike_values": dict.fromkeys(CHANNELS, 0),
         "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
         "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},

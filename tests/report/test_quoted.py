@@ -54,7 +54,7 @@ def told(results, tmp_path_factory):
         patch.setattr("imuloop.report.section.OF_RECORD", dict.fromkeys(OF_RECORD, lambda *_: []))
         write_section("board", label, folder / "board", kinds)
         joined_report(folder, ["board"], folder)
-    return folder, Result(Device("board", folder / "board", kinds), {})
+    return folder, Result(Device("board", folder / "board", kinds))
 
 
 @pytest.mark.parametrize("part", RECORDS)

@@ -90,7 +90,7 @@ def test_a_log_that_lacks_a_declared_column_is_rejected(tmp_path):
     given = device, "a", {"columns": {"temperature": "T"}}, [tmp_path / "a.csv"]
     with pytest.raises(ImuloopError, match=r"columns.temperature"):
         chain.ingest(*given)
-    chain.ingest_or_reject(*given)
+    chain.ingest(*given, reject=True)
     quality = read_json(tmp_path / "imu/a/quality.json")
     assert quality["status"] == "rejected" and "columns.temperature" in quality["reasons"][0]
     # what follows takes it as any other rejected session

@@ -14,14 +14,14 @@ from tqdm import tqdm
 
 from imuloop import chain
 from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
-from imuloop.core.files import read_json, refuse_overwriting
+from imuloop.core.files import refuse_overwriting
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.declaration import KEYS, check_declared, gravity_of, plain
 from imuloop.in_memory import FILE, log_of
 from imuloop.ingest.formats import PAIR
 from imuloop.ingest.places import PYTHON, read_in
-from imuloop.result import IN_MEMORY, Result, TemporaryFolder, log_remarks
+from imuloop.result import IN_MEMORY, Result, TemporaryFolder
 from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
@@ -73,7 +73,7 @@ def calibrate(
     gravity : float or mapping
         Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
     units, columns, sensor, range, nominal, rate, format : optional
-        Of all logs, as in the config; what is not given is found from a log, units else SI.
+        Of all logs, as in the config; by default they are found from a log, and units are SI.
     prior : path-like, optional
         An earlier calibration.json of the device, or a family.json of its type.
     name, label : str
@@ -100,7 +100,7 @@ def calibrate(
         raise ImuloopError("no log is given: t, or acceleration and angular_rate")
     if (acceleration is None) != (angular_rate is None):
         lacks = "acceleration" if acceleration is None else "angular_rate"
-        raise ImuloopError(f"{lacks}: none is given beside t and the other sensor")
+        raise ImuloopError(f"{lacks}: none is given with t and the other sensor")
     if folder and Path(folder).is_file():
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
     if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
@@ -140,7 +140,6 @@ def calibrate(
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
-    failures, notes = [], []
     count = len(logs) + len(chain.stages())
     # the time that is left is not known: stages differ
     shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
@@ -149,18 +148,17 @@ def calibrate(
     with stages as bar, threadpool_limits(1, "blas"):
         for session, log in logs.items():
             bar.set_description(f"ingest {session}")
-            wrong, look = _ingested(device, session, log, declared)
-            failures, notes = failures + wrong, notes + look
+            _ingest(device, session, log, declared)
             bar.update()
         for stage in chain.stages():
             bar.set_description(stage.__name__)
             stage(device)
             bar.update()
-    for text in (*failures, *notes):
+    result = Result(device, None if folder else kept)
+    for text in (*result.failures, *result.notes):
         # at the line that calls `imuloop.calibrate`
         warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)
-    paths = {session: _where(log) for session, log in logs.items()}
-    return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
+    return result
 
 
 def read(log, **declared) -> pd.DataFrame:
@@ -171,7 +169,7 @@ def read(log, **declared) -> pd.DataFrame:
     log : path-like, DataFrame or tuple of arrays
         As in `calibrate`.
     **declared
-        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as of
+        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as in
         `calibrate`.
 
     Raises
@@ -193,10 +191,11 @@ def read(log, **declared) -> pd.DataFrame:
     figures = device_figures(*(kept.pop(key, None) for key in OF_SENSOR))
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         device = chain.Device("log", Path(folder), {"log": None}, **figures)
-        failures, notes = _ingested(device, "log", log, kept)
-        for failure in failures:
+        _ingest(device, "log", log, kept)
+        result = Result(device)
+        for failure in result.failures:
             raise ImuloopError(failure)
-        for text in notes:
+        for text in result.notes:
             warnings.warn(text, ImuloopWarning, stacklevel=2)
         return read_samples(device.sessions["log"]["samples"])
 
@@ -208,17 +207,15 @@ def _several(logs):
     return logs if isinstance(logs, list) else [logs]
 
 
-def _where(log):
-    """Return the path of a log, of two those of both."""
-    parts = log.values() if isinstance(log, dict) else [log]
-    files = [str(part) for part in parts if isinstance(part, FILE)]
-    return " and ".join(files) or IN_MEMORY
-
-
 @read_in(PYTHON)
-def _ingested(device, session, log, declared):
-    """Write the samples of a session; return why they cannot be used, and what to look at."""
+def _ingest(device, session, log, declared):
+    """Write the samples and the quality of a session of a Device.
+
+    `log` is a path or a DataFrame, or a dict of one for each sensor, and `declared` the keys of the
+    config that are declared for it. Raises an ImuloopError if they do not fit the log.
+    """
     parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
+    in_memory = []
     for role, part in parts.items():
         if isinstance(part, FILE):
             path = Path(part)
@@ -230,16 +227,13 @@ def _ingested(device, session, log, declared):
             path.parent.mkdir(parents=True, exist_ok=True)
             part.to_parquet(path, index=False)
             sources[role] = {"path": IN_MEMORY}
+            in_memory.append(str(path))
         paths.append(path)
-    shown = _where(log) if _where(log) != IN_MEMORY else session
-    declared = declared | {"sources": sources}
     try:
-        chain.ingest(device, session, declared, paths)
+        chain.ingest(device, session, declared | {"sources": sources}, paths)
     except ImuloopError as error:
-        # the file's name is enough, and of a log in memory that of its session
+        # the file's name is enough, and a log in memory has the name of its session
         why = str(error).removeprefix(f"{device.name}/{session}: ")
-        for path in paths if IN_MEMORY in {s["path"] for s in sources.values()} else ():
-            why = why.replace(str(path), session)
+        for path in in_memory:
+            why = why.replace(path, session)
         raise ImuloopError(why) from error
-    quality = read_json(device.sessions[session]["quality"])
-    return log_remarks(shown, quality)

@@ -52,10 +52,12 @@ class Device:
         }
 
 
-def ingest(device, session, declared, paths):
+def ingest(device, session, declared, paths, reject=False):
     """Write samples and quality of one session, the log of which lies in files.
 
-    Raises an ImuloopError if what is declared does not fit the log.
+    If the declarations do not fit the log, the function raises an ImuloopError. With `reject` it
+    rejects the session instead: the table of samples has no rows then, and the quality has the
+    reason. A full disk stops the run in any case.
 
     Parameters
     ----------
@@ -67,45 +69,22 @@ def ingest(device, session, declared, paths):
         config; None, or without the key, if it is not declared.
     paths : list of path-like
         The files.
+    reject : bool
+        Whether a log that does not fit is a result, not an error.
     """
-    from imuloop.ingest.ingest import Declared, ingest
+    from imuloop.ingest.ingest import Declared, ingest, write_rejected
 
+    files = device.sessions[session]
+    written = {"device": device.name, "session": session, "kind": files["kind"]}
+    written |= {"samples_path": files["samples"], "quality_path": files["quality"]}
     of_device = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity")}
     of_session = {key: value for key, value in declared.items() if value is not None}
-    ingest(
-        **_written_by_ingest(device, session),
-        paths=paths,
-        declared=Declared(**of_session, **of_device),
-    )
-
-
-def ingest_or_reject(device, session, declared, paths):
-    """Write samples and quality of one session; reject it if its log does not fit the config.
-
-    A rejected session has a table of samples without rows, and its quality has the reason. The
-    arguments are the Device, the name of the session, the keys of the config that are declared for
-    it, and the paths of the files of its log. A full disk stops the run.
-    """
-    from imuloop.ingest.ingest import write_rejected
-
     try:
-        ingest(device, session, declared, paths)
-    except MachineFault:
-        raise
+        ingest(**written, paths=paths, declared=Declared(**of_session, **of_device))
     except ImuloopError as error:
-        write_rejected(**_written_by_ingest(device, session), reason=str(error))
-
-
-def _written_by_ingest(device, session):
-    """Return names, kind and output paths of a session, a dict of keywords of the ingest stage."""
-    files = device.sessions[session]
-    return {
-        "device": device.name,
-        "session": session,
-        "kind": files["kind"],
-        "samples_path": files["samples"],
-        "quality_path": files["quality"],
-    }
+        if not reject or isinstance(error, MachineFault):
+            raise
+        write_rejected(**written, reason=str(error))
 
 
 def segment(device):
@@ -281,11 +260,11 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the stages that make results of what was ingested, in order."""
-    return segment, noise, calibrate, diagnose, allan
+    """Return the stages that make the results of a device from its samples, in order."""
+    return segment, noise, calibrate, diagnose
 
 
 def run(device):
     """Do all stages of a device that follow ingest."""
-    for stage in (*stages(), report_device):
+    for stage in (*stages(), allan, report_device):
         stage(device)

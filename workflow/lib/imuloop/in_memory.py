@@ -26,8 +26,8 @@ ARRAYS = {
 def log_of(log, columns=None, name="log"):
     """Return a log as a path or a DataFrame, or as a mapping of the two sensors to one each.
 
-    `columns` are the declared ones, `name` is the log's name in messages. Raises an ImuloopError
-    for a value that is not a log.
+    `columns` are the declared ones, and messages call the log `name`. Raises an ImuloopError for a
+    value that is not a log.
     """
     if isinstance(log, FILE):
         if not Path(log).exists():

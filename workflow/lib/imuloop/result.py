@@ -1,4 +1,4 @@
-"""One device from logs in memory or in files, without a config: what the chain finds."""
+"""The result of all stages for one device: an object over the files in its folder."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import textwrap
 import weakref
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -26,7 +26,7 @@ from imuloop.model.prior_remarks import remarks
 
 # columns of a result that is printed
 WIDTH = 100
-# where a log came from that was no file
+# source of a log that was not a file
 IN_MEMORY = "in memory"
 
 
@@ -34,12 +34,36 @@ IN_MEMORY = "in memory"
 class Result:
     """The results of all stages for one device."""
 
-    device: chain.Device  # the stages' input; its folder has the result files
-    logs: dict  # where the log of each session came from: its path, or ``in memory``
-    failures: tuple[str, ...] = ()  # a line each: logs that were rejected
-    notes: tuple[str, ...] = ()  # a line each: what to look at in a log that was used
+    device: chain.Device  # input of the stages; its folder has the result files
     # keeps a temporary folder as long as the result
     _folder: object = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def _qualities(self):
+        """Content of the quality.json of each session, a dict by name."""
+        return {n: read_json(files["quality"]) for n, files in self.device.sessions.items()}
+
+    @property
+    def logs(self) -> dict:
+        """Where the log of each session came from: its path, or ``in memory``."""
+        return {name: log_source(quality) or name for name, quality in self._qualities.items()}
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Lines on the logs that were rejected, each with the reasons."""
+        rejected = {n: q["reasons"] for n, q in self._qualities.items() if q["reasons"]}
+        return tuple(f"{self._log(n)}: rejected: {'; '.join(why)}" for n, why in rejected.items())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines on facts that the user should look at in the logs that were used."""
+        by_session = self._qualities.items()
+        return tuple(f"{self._log(n)}: {text}" for n, q in by_session for text in q["warnings"])
+
+    def _log(self, session):
+        """Return the name of a session's log in messages: its path, or the session's name."""
+        source = self.logs[session]
+        return session if source == IN_MEMORY else source
 
     @cached_property
     def calibration(self) -> Calibration:
@@ -69,7 +93,13 @@ class Result:
         """The report's figures, `imuloop.plot.Plots`."""
         from imuloop.plot import Plots
 
+        self._write_curves()
         return Plots(self.device)
+
+    def _write_curves(self):
+        """Write the Allan curves of the sessions, which only pictures show, unless they exist."""
+        if not all(files["allan"].exists() for files in self.device.sessions.values()):
+            chain.allan(self.device)
 
     def report(self, path, command="imuloop.calibrate", linked=True) -> Path:
         """Write the report, one HTML file; return its path.
@@ -81,6 +111,7 @@ class Result:
         from imuloop.report.report import write_report
 
         path, folder = Path(path), self.device.folder
+        self._write_curves()
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {
@@ -114,20 +145,19 @@ class Result:
         return Path(folder)
 
     def __reduce__(self):
-        # a pickle has the content of the files: the folder may be temporary, or of another machine
-        folder = self.device.folder
-        files = {
-            p.relative_to(folder).parts: p.read_bytes() for p in folder.rglob("*") if p.is_file()
-        }
-        return _unpickled, (self.device, self.logs, self.failures, self.notes, files)
+        raise TypeError("a Result is not pickled: save(folder) keeps it, imuloop.load reads it")
 
     def __str__(self):
+        return self.describe()
+
+    def describe(self, failures=True):
+        """Return the calibration and the verdicts as text, with or without the rejected logs."""
         from imuloop.report.verdict import blocks, sentence
 
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
         title += f", sensor {named}:" if named else ":"
-        lines = [title, *self.failures, *self.notes]
+        lines = [title, *(self.failures if failures else ()), *self.notes]
         for name in SENSORS:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")
@@ -162,34 +192,14 @@ class TemporaryFolder:
         weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
 
 
-def _unpickled(device, logs, failures, notes, files):
-    """Return a Result, with its files in a temporary folder that is removed with it.
-
-    `files` has the content of each file by the parts of its path in the folder; the other arguments
-    are fields of the Result.
-    """
-    kept = TemporaryFolder()
-    for parts, content in files.items():
-        path = Path(kept.name, *parts)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    return Result(
-        device=replace(device, folder=Path(kept.name)),
-        logs=logs,
-        failures=failures,
-        notes=notes,
-        _folder=kept,
-    )
-
-
 def load(folder) -> Result:
     """Return the result whose files lie in a folder.
 
     Parameters
     ----------
     folder : path-like
-        ``results/<device>`` of the workflow, ``folder`` of `calibrate`, or that of `Result.save`.
-        The label is in it if a report was written.
+        ``results/<device>`` of the workflow, ``folder`` of `calibrate`, or the folder of
+        `Result.save`. The label is in it if a report was written.
 
     Raises
     ------
@@ -201,36 +211,26 @@ def load(folder) -> Result:
     if missing:
         raise ImuloopError(f"{folder}: no folder of a result: it has no {missing[0]}")
     calibration = Calibration.from_json(folder / "calibration.json")
-    sessions = {p.parent.name: read_json(p) for p in sorted(folder.glob("*/quality.json"))}
-    kinds = {name: quality["kind"] for name, quality in sessions.items()}
+    kinds = {p.parent.name: read_json(p)["kind"] for p in sorted(folder.glob("*/quality.json"))}
     summary = folder / "summary.json"
-    label = read_json(summary)["label"] if summary.is_file() else ""
-    logs, failures, notes = {}, [], []
-    for name, quality in sessions.items():
-        # a source begins with its path or address
-        places = (str(next(iter(source.values()))) for source in quality["source"].values())
-        logs[name] = " and ".join(dict.fromkeys(places)) or name
-        log = name if logs[name] == IN_MEMORY else logs[name]
-        log_failures, log_notes = log_remarks(log, quality)
-        failures, notes = failures + log_failures, notes + log_notes
     device = chain.Device(
         name=calibration.device,
         folder=folder,
         kinds=kinds,
-        label=label,
+        label=read_json(summary)["label"] if summary.is_file() else "",
         gravity=calibration.gravity,
     )
-    return Result(device=device, logs=logs, failures=tuple(failures), notes=tuple(notes))
+    return Result(device)
 
 
-def log_remarks(log, quality):
-    """Return lines why a log cannot be used, and lines on what the user should look at in it.
+def log_source(quality):
+    """Return where a log came from, by its quality.json: its path, ``in memory``, or an empty text.
 
-    Both are lists of text, empty if there is nothing to say. Takes the name of the log and the
-    content of its quality.json.
+    The paths of a log in two files are joined by "and".
     """
-    why = [f"{log}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
-    return why, [f"{log}: {text}" for text in quality["warnings"]]
+    # a source begins with its path or address
+    places = (str(next(iter(source.values()))) for source in quality["source"].values())
+    return " and ".join(dict.fromkeys(places))
 
 
 def _link(page, name, folder):

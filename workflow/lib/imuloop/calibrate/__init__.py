@@ -10,7 +10,7 @@ from types import ModuleType
 
 
 class _CallableModule(ModuleType):
-    """The package as a function: its call, signature and help are those of `calibrate`."""
+    """The package as a function, with the call, signature and help of `calibrate`."""
 
     @property
     def _function(self):

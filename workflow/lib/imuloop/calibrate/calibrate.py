@@ -70,7 +70,7 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     JointFit or None
         The fit, with the state to start from; None if no sensor can be fitted.
     dict of str to str
-        Why a sensor cannot be fitted, by sensor: there are no poses, or its noise is not known.
+        Why a sensor cannot be fitted, by sensor: poses are missing, or its noise is not known.
     """
     poses, prior = recording.poses, prior or data_sheet()
     if not len(poses):
@@ -110,7 +110,7 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
 
 
 def prior_rows(prior, turns, bias):
-    """Return what is known of the 21 parameters x before the fit: R, (k, 21), and z, (k,).
+    """Return the prior of the 21 parameters x of a fit as rows: R, (k, 21), and z, (k,).
 
     ``R x - z`` has mean zero and independent components of variance one. It comes from the Prior
     `prior` and, unless they are None, from the KnownTurns `turns`. `bias`, if not None, is the
@@ -210,7 +210,7 @@ def contradictions(joint, solution, recording):
         count = rows.sum()
         quantile = chdtri(count, CHANCE) if sensor == "accelerometer" else count
         if fault := sensor_fault(calibration, sensor):
-            why = f"the fit gives what no sensor has: {fault}"
+            why = f"the fit gives values that no sensor has: {fault}"
         elif np.sum(linearised.residual[rows] ** 2) > np.mean(expected[rows]) * quantile:
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
@@ -218,7 +218,7 @@ def contradictions(joint, solution, recording):
                 "samples clipped or wrapped around, did scale, offset or axes change midway?"
             )
         # a change is the better reason, and is looked for if the residuals are large, too; without
-        # degrees of freedom there is no reduced χ²
+        # degrees of freedom the reduced χ² is None
         if why or (calibration.reduced_chi2 or 0.0) > CONTRADICTORY:
             why = change(sensor, recording) or why
         if why:

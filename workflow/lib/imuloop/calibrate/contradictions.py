@@ -48,7 +48,7 @@ UNEVEN = 2.0
 class Errors:
     """Errors of m poses or rotations, with c components, by one calibration of all.
 
-    Those of poses are shares of gravity, those of rotations are rad.
+    Errors of poses are shares of gravity, errors of rotations are rad.
     """
 
     values: np.ndarray  # (m, c): errors
@@ -115,7 +115,7 @@ def fit_gravity_norm(f):
         sensor = State(np.append(x, NOMINAL[9:])).sensor("accelerometer")
         return gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
 
-    # the prior has the standard deviation `LOOSE`, the residuals that of the loss
+    # standard deviations: `LOOSE` of the prior, and the scale of the loss of the residuals
     x = fit_robustly(
         lambda x: np.append(linearise(x).residual, SOFT_L1_SCALE * loose @ (x - start)),
         lambda x: np.concatenate([linearise(x).jacobian[:, 0], SOFT_L1_SCALE * loose]),
@@ -149,7 +149,7 @@ def sensor_errors(sensor, recording):
     if sensor == "accelerometer":
         design = jacobian[:n, None, :9]
         return Errors(values=residual[:n, None], design=design, spread=np.zeros((n, 1, 1)))
-    # the first 4 n residuals are those of the poses: norm of gravity, and three of the rate
+    # the poses have the first 4 n residuals: norm of gravity, and three of the rate
     design = jacobian[4 * n :].reshape(len(moves), 2, COUNT)
     # root of the covariance by the uncertain directions of gravity
     by_force = design[..., BASE["accelerometer"]] @ root

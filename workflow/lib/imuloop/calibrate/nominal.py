@@ -22,7 +22,7 @@ def nominal_sensors(reasons, recording, noise, units, prior):
     Parameters
     ----------
     reasons : dict of str to str
-        For each sensor, why there is no fit.
+        For each sensor, why it has no fit.
     recording : Recording
         Poses and rotations; the poses give the bias of the gyroscope.
     noise : NoiseModel
@@ -60,7 +60,7 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     varies more between n power cycles than the noise explains, it is the mean over the power
     cycles, with the variance ``s²/n``, where s² is the variance between them.
 
-    The bias is nominal if there is no rest, if the noise of an axis is not known, or if the biases
+    The bias is nominal without a rest, if the noise of an axis is not known, or if the biases
     before and after the time `changed` differ by more than `SAME` standard deviations.
 
     Parameters

@@ -98,7 +98,7 @@ class Recording:
     slow_force: bool = False
     # kind of the sessions, which names the method of the calibration
     kind: str = "multi_position"
-    # what became of the sessions if there is no pose, text
+    # fate of the sessions if no pose was found, text
     why_no_pose: str = "no multi_position session with a pose"
 
     @cached_property
@@ -214,7 +214,7 @@ class Recording:
         sensor : str
             Name of the sensor whose effects the channels are for.
         output, align_other : callable
-            Convert values of the sensor, nominal SI, to ``K (raw - b)``, and those of the other
+            Convert values of the sensor, nominal SI, to ``K (raw - b)``, and values of the other
             sensor to calibrated ones.
         reduce : callable
             Takes a dict with an array (N, …) by session, the values at all samples of its log;
@@ -257,7 +257,8 @@ def record(samples, segments, longest_rotation, rails=None):
     Parameters
     ----------
     samples, segments : sequence of DataFrame or dict of arrays
-        For each session the table of its samples, SI, and that of its segments: rests, moves, gaps.
+        For each session the table of its samples, SI, and the table of its segments: rests, moves,
+        gaps.
     longest_rotation : float
         Longest rotation, s.
     rails : sequence of dict, optional

@@ -85,9 +85,9 @@ def read_reference(sessions, calibration):
 class Windows:
     """The m windows of all logs in which one sensor is compared with the reference.
 
-    A subclass for each sensor has the residuals. The set-up has parameters x: first those of each
-    session, then those that all sessions share. All windows are padded to k samples by repeating
-    the last one.
+    A subclass for each sensor has the residuals. The set-up has parameters x: first the parameters
+    of each session, then the parameters that all sessions share. All windows are padded to k
+    samples by repeating the last one.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ class Windows:
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # A has the standard errors of T and of K, the latter relative to K, or those of the data
-        # sheet if these are smaller
+        # A has the standard errors of T and of K, the latter relative to K, or the tolerance of
+        # the data sheet if this is smaller
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
@@ -141,9 +141,9 @@ class Windows:
     def _find_windows(self, session, log):
         """Return the n windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
 
-        The columns are the index of the session, `session`, and those of the first, middle and last
-        sample. Half a window lasts `self.half` seconds. The reference is needed at these three
-        samples; for the accelerometer its attitude is needed at all samples.
+        The columns are the index of the session, `session`, and the indices of the first, middle
+        and last sample. Half a window lasts `self.half` seconds. The reference is needed at these
+        three samples; for the accelerometer its attitude is needed at all samples.
         """
         step, i, windows = np.median(np.diff(log.t)), 0, []
         # a number that rises at each interruption: a window lies where it is constant
@@ -156,7 +156,7 @@ class Windows:
             rows = [i, i + half, i + 2 * half]
             complete = valid[rows].all() and part[i] == part[i + 2 * half]
             windows += [(session, *rows)] * int(complete)
-            # windows begin a second and five samples apart, so that those of the gyroscope do not
+            # windows begin a second and five samples apart, so that windows of the gyroscope do not
             # touch; without all samples a window is tried again a tenth of its half later
             i += round(TURN / step) + 5 if complete else 1 + half // 10
         return np.array(windows, int).reshape(-1, 4)
@@ -176,11 +176,12 @@ class Windows:
 
         y are the calibrated values of the sensor, interpolated at the times of the reference. A is
         the error of the calibration's T and K, and b the bias, both of the parameters x, (p,); the
-        unit is that of the sensor. A sample with the time stamp s was taken at ``s + dt + d (s -
+        unit is the sensor's. A sample with the time stamp s was taken at ``s + dt + d (s -
         s_m)`` on the clock of the reference, where s_m is the middle of the log, dt the offset of
         the clock, and d its drift, the argument `drift`.
         """
-        # 1 + A; the first shared parameter is the offset of the clock, the last are those of A
+        # 1 + A; the first shared parameter is the offset of the clock, the last are the entries of
+        # A
         A, values, shared = np.eye(3), [], x[self.shared]
         A[self.entries] += shared[-len(self.entries[0]) :]
         for log in self.logs:
@@ -212,7 +213,7 @@ class Windows:
         return jacobian
 
     def noise(self, model):
-        """Return the noise of the reference in each window, and that of the sensor.
+        """Return the noise of the reference in each window, and the noise of the sensor.
 
         The first two are the variances of the attitude, rad², (m,), and of the place, m², (m,). The
         third is N², the density of the sensor's white noise by the NoiseModel `model`, squared and
@@ -246,9 +247,9 @@ class Turns(Windows):
         """Return the variance of a component of the residuals ε by the noise alone, rad², (m,).
 
         A residual is the difference between the rotations over a window by the gyroscope and by the
-        reference, a rotation vector. The noise is that of the reference's attitude at both ends,
-        and the white noise of the gyroscope over the window, by the NoiseModel `model`. `x` are the
-        parameters, (p,).
+        reference, a rotation vector. The noise is the error of the reference's attitude at both
+        ends, and the white noise of the gyroscope over the window, by the NoiseModel `model`. `x`
+        are the parameters, (p,).
         """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
@@ -314,9 +315,9 @@ class Places(Windows):
         """Return the variance of a component of the residuals ε by the noise alone, (m/s²)², (m,).
 
         A residual is the difference between the mean accelerations over a window by the
-        accelerometer and by the reference. The noise is that of the reference's attitude and place,
-        and the white noise of the accelerometer, by the NoiseModel `model`. `x` are the parameters,
-        (p,).
+        accelerometer and by the reference. The noise is the error of the reference's attitude and
+        place, and the white noise of the accelerometer, by the NoiseModel `model`. `x` are the
+        parameters, (p,).
         """
         attitude, place, white = self.noise(model)
         # a second difference of places has the variance 6 of one place

@@ -15,10 +15,13 @@ from imuloop.calibrate.undersampling import PARTS, aliased_turns, middle_steps
 from imuloop.core.errors import plural
 from imuloop.core.gaps import lost_samples
 from imuloop.core.segments import GAP
+from imuloop.core.tables import joined
 
 # share of a rotation at either end that is too slow to be told from a rest, and the part of it, s,
 # that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
+# columns that `aliased_turns` computes
+ALIASING = ("aliased", "fall", "aliasing_covariance")
 
 
 @dataclass(frozen=True)
@@ -117,9 +120,11 @@ def gather_rotations(poses, logs, segments, longest_s):
     Lost
         How many rotations were left out, and why.
     """
-    # by session the columns pose, first, last, session, step, force_clipped, time_covariance, and
-    # aliased, fall, aliasing_covariance; the first are empty, for a device without sessions
-    columns = [(*np.zeros((6, 0)), np.zeros((0, PARTS, 3, 3)), *aliased_turns(*[()] * 6))]
+    # by session the table of its rotations; the first one, for a device without sessions, is empty
+    none = np.zeros(0, int)
+    empty = {"first": none, "start": none, "end": none, "session": none, "step": np.zeros(0)}
+    empty |= {"force_clipped": none > 0, "time_covariance": np.zeros((0, PARTS, 3, 3))}
+    tables = [empty | dict(zip(ALIASING, aliased_turns(*[()] * 6), strict=True))]
     candidates, lost_runs, clipped_turns = 0, [], 0
     # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
@@ -143,24 +148,22 @@ def gather_rotations(poses, logs, segments, longest_s):
         # a rotation is clipped if the number of clipped samples rises between its ends
         count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
         rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
-        usable = np.flatnonzero(accurate & ~rate_clipped)
         candidates += len(pose)
         lost_runs += lost[~accurate].tolist()
         clipped_turns += np.count_nonzero(accurate & rate_clipped)
-        pose, first, last, bias, variance = (
-            column[usable] for column in (pose, first, last, bias, variance)
-        )
-        same = (np.full(len(usable), value) for value in (session, np.median(np.diff(log.t))))
-        aliasing = aliased_turns(log.t, log.w, first, last, bias, variance)
-        errors = force_clipped[usable], covariance[usable], *aliasing
-        columns.append((pose, first, last, *same, *errors))
-    *columns, time_covariance, aliased, fall, aliasing_covariance = map(
-        np.concatenate, zip(*columns, strict=True)
-    )
-    pose, first, last, session = (column.astype(int) for column in columns[:4])
+        usable = accurate & ~rate_clipped
+        columns = {"first": pose, "start": first, "end": last, "force_clipped": force_clipped}
+        columns |= {"session": np.full(len(pose), session), "time_covariance": covariance}
+        columns["step"] = np.full(len(pose), np.median(np.diff(log.t)))
+        turns = {name: column[usable] for name, column in columns.items()}
+        bias, variance, start, end = bias[usable], variance[usable], turns["start"], turns["end"]
+        aliasing = aliased_turns(log.t, log.w, begin=start, last=end, bias=bias, variance=variance)
+        tables.append(turns | dict(zip(ALIASING, aliasing, strict=True)))
+    turns = joined(tables)
     # samples of each rotation, with the last one repeated up to the length of the longest
-    length = np.max(last - first, initial=1) + 1
-    rows = np.minimum(first[:, None] + np.arange(length), last[:, None])
+    start, end, session = turns["start"], turns["end"], turns["session"]
+    length = np.max(end - start, initial=1) + 1
+    rows = np.minimum(start[:, None] + np.arange(length), end[:, None])
 
     def along(name, *shape):
         """Return the samples of a field of the logs along all rotations, (m, k, *shape).
@@ -172,20 +175,15 @@ def gather_rotations(poses, logs, segments, longest_s):
 
     t = along("t")
     rotations = Rotations(
-        first=pose,
         start_s=t[:, 0],
         end_s=t[:, -1],
         t=t,
         w=along("w", 3),
         f=along("f", 3),
         temperature=None if poses.temperature is None else along("temperature"),
-        uneven=lost_samples(np.diff(t), columns[4][:, None]) > 0,
-        extra_at=middle_steps(last - first + 1),
-        aliasing_covariance=aliasing_covariance,
-        time_covariance=time_covariance,
-        aliased=aliased,
-        fall=fall,
-        force_clipped=columns[5] > 0,
+        uneven=lost_samples(np.diff(t), turns["step"][:, None]) > 0,
+        extra_at=middle_steps(end - start + 1),
+        **{name: turns[name] for name in ("first", "force_clipped", "time_covariance", *ALIASING)},
     )
     return rotations, Lost(
         rotations=candidates,

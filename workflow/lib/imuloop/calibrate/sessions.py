@@ -115,9 +115,9 @@ def first_log(sessions):
 
 
 def raw_units(sessions):
-    """Return the RawUnit of the accelerometer and that of the gyroscope, a tuple.
+    """Return the RawUnits of the accelerometer and of the gyroscope, a tuple.
 
-    They are those of the first session in the order of `KINDS`, of the sessions by name.
+    They are the units of the first session in the order of `KINDS`, of the sessions by name.
     """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))

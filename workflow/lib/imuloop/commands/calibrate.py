@@ -4,7 +4,6 @@ import sys
 import tempfile
 import warnings
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 from imuloop.calibrate_logs import KINDS, calibrate
@@ -69,13 +68,13 @@ def run(arguments):
             tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as results,
             made(arguments, Path(results)) as result,
         ):
-            calibration, shown = result.calibration, replace(result, failures=())
+            calibration = result.calibration
             if not calibration.measured:
                 refuse_failures(result)
                 why = f"nothing was measured: {calibration.accelerometer.not_testable}"
                 raise ImuloopError(f"{' and '.join(result.logs.values())}: {why}")
             result.export(Path(results) / "exports")
-            say(*str(shown).splitlines())
+            say(*result.describe(failures=False).splitlines())
             moved(Path(results), folder)
     finally:
         # where nothing was written

@@ -12,11 +12,11 @@ class ImuloopWarning(UserWarning):
 
 
 class Lacking(ImuloopError):
-    """A log does not hold what was declared or is needed."""
+    """A log lacks data that were declared or are needed."""
 
 
 class MachineFault(ImuloopError):
-    """The machine lacks what a run needs, above all room on the disk: the run stops."""
+    """The machine lacks a resource, above all room on the disk: the run stops."""
 
 
 class RejectedLog(ImuloopError):

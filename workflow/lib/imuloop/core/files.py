@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from imuloop.core.errors import ImuloopError, MachineFault
 
@@ -113,6 +114,12 @@ def read_json(path, most=None):
         )
     except (ValueError, RecursionError) as error:
         raise ImuloopError(f"{path}: no JSON: {error}") from error
+
+
+def read_yaml(path):
+    """Return the content of a YAML file that the package holds; in C where it is compiled in."""
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.load(Path(path).read_text(encoding="utf-8"), loader)
 
 
 def _object(pairs):

@@ -21,7 +21,7 @@ LONG_GAP_STEPS = 9.5
 
 
 def gap_limit(usual, steps=GAP_STEPS):
-    """Return the longest time step that is no gap, in the unit of the usual step `usual`.
+    """Return the longest time step that is not a gap, in the unit of the usual step `usual`.
 
     `steps` is the number of usual steps from which on a step is a gap.
     """

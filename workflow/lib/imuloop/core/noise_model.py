@@ -1,6 +1,6 @@
 """Noise coefficients of a device, and the covariance of means that follows from them."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
@@ -13,8 +13,8 @@ FORMAT = 1
 DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
 # frequency at which the power is a half, share of the sensor's rate, by degree
 HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
-# least eigenvalue of a correlation matrix that is inverted: far above rounding, far below that of
-# white noise next to a slow random walk
+# least eigenvalue of a correlation matrix that is inverted: far above rounding, far below the
+# least eigenvalue of white noise next to a slow random walk
 _LEAST_EIGENVALUE = 1e-11
 
 
@@ -34,22 +34,17 @@ class Coefficient:
 
     @property
     def size(self):
-        """The value, or the upper limit of a term that is not identifiable; None without both."""
+        """The value, or the upper limit of a term that is not identifiable, or None."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
     def of(cls, value, error):
         """Return the Coefficient, SI, with a value that the data support, and its standard error.
 
-        The limits are those of a normal distribution; the 95 % interval does not go below zero.
+        The limits follow from a normal distribution; the 95 % interval does not go below zero.
         """
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
-
-    @classmethod
-    def from_dict(cls, content):
-        """Return the Coefficient from its content in noise.json, a dict."""
-        return cls(**content | {"ci95": content["ci95"] and tuple(content["ci95"])})
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,7 @@ class SinusoidTerm:
 
     amplitude: Coefficient
     frequency: Coefficient
-    origin: str | None = None  # what the line is likely to be, e.g. an alias of mains
+    origin: str | None = None  # likely source of the line, e.g. an alias of mains
 
 
 @dataclass(frozen=True)
@@ -84,13 +79,21 @@ class LowPassTerm:
         return self.corner.value / half if half else None
 
 
-def _term(kind, content):
-    """Return a term of the class `kind` from its content in noise.json, a dict.
+# the terms of an axis that are not a single Coefficient
+_TERMS = {"gauss_markov": GaussMarkovTerm, "sinusoid": SinusoidTerm, "low_pass": LowPassTerm}
 
-    Fields that are Coefficients are dicts there.
+
+def _read(content, name=""):
+    """Return a value of noise.json as the field `name` of an AxisNoise, or of one of its terms.
+
+    A dict becomes a term or a Coefficient, and a list a tuple.
     """
-    read = {k: Coefficient.from_dict(v) if isinstance(v, dict) else v for k, v in content.items()}
-    return kind(**read)
+    if isinstance(content, list):
+        return tuple(_read(value, name) for value in content)
+    if not isinstance(content, dict):
+        return content
+    values = {key: _read(value, key) for key, value in content.items()}
+    return _TERMS.get(name, Coefficient)(**values)
 
 
 @dataclass(frozen=True)
@@ -120,13 +123,10 @@ class AxisNoise:
     @classmethod
     def from_dict(cls, content):
         """Return the AxisNoise from the content of noise.json on one axis, a dict."""
-        low_pass = content.get("low_pass")
-        return cls(
-            **{name: Coefficient.from_dict(content[name]) for name in "QNBKR"},
-            gauss_markov=tuple(_term(GaussMarkovTerm, term) for term in content["gauss_markov"]),
-            sinusoid=tuple(_term(SinusoidTerm, term) for term in content["sinusoid"]),
-            low_pass=low_pass and _term(LowPassTerm, low_pass),
-        )
+        # an axis without a filter may lack the key
+        content = {"low_pass": None} | content
+        names = [field.name for field in fields(cls)]
+        return cls(**{name: _read(content[name], name) for name in names})
 
     def allan_variance(self, tau):
         """Return the Allan variance of all processes, SI squared, at the times `tau`, s.

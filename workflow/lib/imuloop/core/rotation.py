@@ -54,8 +54,8 @@ def step_vectors(rates, steps, uneven=None):
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
     The first term is the mean rate of the step, of a cubic through four samples, times Δt. w₀ and
-    w₁ are the angular rates at its two ends, w₋₁ and w₂ those of the samples before and after. The
-    second term is the first term of the Magnus series and corrects for rotations that do not
+    w₁ are the angular rates at its two ends, w₋₁ and w₂ the rates of the samples before and after.
+    The second term is the first term of the Magnus series and corrects for rotations that do not
     commute. The error is of fifth order in a step and of fourth order over all steps, the order of
     a Runge–Kutta scheme with four stages. The exponential of φ is a unit quaternion exactly.
 
@@ -108,7 +108,7 @@ def mean_rates(rates, steps, uneven=None):
         *row, k = np.nonzero(uneven[..., 1:-1])
         w = [rates[(slice(None), *row, k + i)] for i in range(4)]
         before, step, after = (steps[(*row, k + i)] for i in range(3))
-        # a much shorter step beside the gap would only add the jitter of its time stamps
+        # a much shorter step next to the gap would only add the jitter of its time stamps
         before, after = (np.maximum(side, step / 10) for side in (before, after))
         # divided differences: half the second derivative on either side, and in the middle
         slope = (w[2] - w[1]) / step

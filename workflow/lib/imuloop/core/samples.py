@@ -3,7 +3,7 @@
 It is a pandas DataFrame of float64 columns in SI: the time `t` (s since the first sample), specific
 force `ax ay az` (m/s^2), angular rate `gx gy gz` (rad/s) and, if it was logged, `temperature`
 (degC). If `t` was rebuilt, `t_logged` is the time stamp of the log. If the sensors have two clocks,
-`t` is that of the faster sensor. Each row then holds the nearest sample of the slower sensor, whose
+`t` is the faster sensor's. Each row then holds the nearest sample of the slower sensor, whose
 own time stamp is in `t_accelerometer` or `t_gyroscope`.
 """
 
@@ -37,7 +37,7 @@ OWN_TIME = {"accelerometer": "t_accelerometer", "gyroscope": "t_gyroscope"}
 # columns of a reference: quaternion from body to world, scalar first; position, m
 ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 
-# number of rows of a piece: 8 columns of it take 8 MB
+# number of samples, from the start of a log, that show the step of its values
 ROWS = 1 << 17
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
@@ -182,11 +182,6 @@ class Samples:
         """Return columns of a range of rows, shape (len(names), last - first)."""
         return np.array([self[name][first:last] for name in names], float)
 
-    def pieces(self, names, rows=ROWS):
-        """Yield the first row of each piece and its columns, shape (len(names), n)."""
-        for first in range(0, len(self), rows):
-            yield first, self.read(names, first, min(first + rows, len(self)))
-
     @cached_property
     def interval(self):
         """Median time step, s; None if there are fewer than two samples."""
@@ -196,7 +191,7 @@ class Samples:
 
 
 def holds(source, sensor):
-    """Return whether samples have values of a sensor; true if there are no samples.
+    """Return whether samples have values of a sensor; true without any sample.
 
     Ingest writes zeros for a sensor that the log lacks.
     """
@@ -229,7 +224,7 @@ def on_gyroscope_clock(columns):
     faster one is averaged over the samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
-    # only the slower sensor has a column of its own time stamps
+    # only the slower sensor has a column for its time stamps
     if gyroscope_time in columns:
         first = own_rows(columns[gyroscope_time])
         count = np.diff(np.append(first, len(columns[gyroscope_time])))

@@ -5,7 +5,8 @@ They are the rows of a pandas DataFrame, in order of time, with the columns `sta
 (number of samples), and the mean and standard deviation of every channel, SI, without missing
 values. A gap has no samples, or samples in which a channel is stuck. In a session of attitudes, a
 rest with a clipped specific force is disturbed. `tilt_rad` of a rest is the root mean square of the
-tilt that both sensors show in it; of a rest in the hand, it is that of the whole rotation.
+tilt that both sensors show in it; of a rest in the hand, it includes the rotation about the
+vertical.
 """
 
 import numpy as np

@@ -11,6 +11,6 @@ def setting(default, description, **limits):
 
     Limits are ``gt``, ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
     """
-    # text such as 1e-3 is no number
+    # text such as 1e-3 is not taken for a number
     exact = {"strict": True} if isinstance(default, (int, float)) else {}
     return field(default=default, metadata={"description": description, **exact, **limits})

@@ -67,11 +67,12 @@ class Asymmetry(Effect):
 class CrossCoupling(Effect):
     """``e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i``: products of the outputs of two axes.
 
-    Of the 15 products of two outputs beside K2, the norm of gravity at rest shows 7: y_i y_j on
-    axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
-    `quadratic` u_i³ is a bias less u_j² u_i and u_k² u_i, a special case. Which product it is, the
-    norm does not tell: along gravity the correction is right, across it off by up to the residual.
-    Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`, `asymmetry`.
+    Next to K2 there are 15 products of two outputs. The norm of gravity at rest shows 7 of them:
+    y_i y_j on axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any
+    axis. A `quadratic` u_i³ is a bias less u_j² u_i and u_k² u_i, a special case. Which product it
+    is, the norm does not tell: along gravity the correction is right, across it off by up to the
+    residual. Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`,
+    `asymmetry`.
     """
 
     name = "cross_coupling"
@@ -132,7 +133,7 @@ class ScaleAsymmetry(Effect):
 class Anisoinertia(Effect):
     """``e_i = a_i w_j w_k``: rates about both other axes at once appear as one about this.
 
-    Leaves: errors of rotations about axes between those of the sensor; nothing at rest.
+    Leaves: errors of rotations about axes between the axes of the sensor; nothing at rest.
     """
 
     name = "anisoinertia"

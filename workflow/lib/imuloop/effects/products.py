@@ -46,7 +46,7 @@ class Product(Effect):
     bounds = {"reference_temperature": CELSIUS}
 
     def __post_init__(self):
-        """Refuse a formula that is no product; set the attributes that depend on its factors."""
+        """Refuse a formula that is not a product; set the attributes that depend on its factors."""
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
         # at rest the angular rate is zero: only motion shows its products to an accelerometer
@@ -60,13 +60,13 @@ class Product(Effect):
         """The factors, a tuple, in which each is repeated according to its power."""
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
-            raise ValueError(f"'{self.formula[:60]}' is no product, as f_y² f_z is")
+            raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
         factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
         if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
         return tuple(factors)
 
-    @property
+    @cached_property
     def parameters(self):
         """Unit of the one parameter, the coefficient c, by its name, a dict."""
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
@@ -89,7 +89,7 @@ class Product(Effect):
 
 
 def products(sensor, letters, reference_temperature=None):
-    """Return all products on each axis of a sensor, a tuple, those of lowest degree first.
+    """Return all products on each axis of a sensor, a tuple, the lowest degree first.
 
     `letters` are the letters of the outputs that are factors, f for specific force and w for
     angular rate, the sensor's own first. The temperature is a factor if a reference, degC, is

@@ -137,9 +137,9 @@ class BiasTemperature(Effect):
     def clamped(self, design, low, high):
         """Return the derivative with θ - θ0 clamped to a range, (n, 3, 3 order).
 
-        Higher powers are those of the clamped θ - θ0, since an even power has no sign to clamp by.
-        `design` is the derivative, and `low` and `high` are the ends of the ranges of its columns;
-        the first three are those of θ - θ0.
+        Higher powers are computed from the clamped θ - θ0, since an even power has no sign to clamp
+        by. `design` is the derivative, and `low` and `high` are the ends of the ranges of its
+        columns; the first three belong to θ - θ0.
         """
         warmer = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([warmer**k for k in range(1, self.order + 1)], axis=2)
@@ -176,7 +176,7 @@ class ScaleTemperature(Effect):
         return on_each_axis(warmer[:, None] * channels.output)
 
 
-# lags to try, s, from that of a package (seconds) to that of a housing. They differ by half a
+# lags to try, s, from the lag of a package (seconds) to the lag of a housing. They differ by half a
 # decade: a true lag is within a factor of 1.8, and responses correlate by 2 √1.8/(1 + 1.8) = 0.96
 LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 

@@ -69,8 +69,8 @@ class TurnOnBias(Effect):
 def turn_on_std(calibration, sensor):
     """Return the standard deviation of the three biases between power cycles, SI, a tuple.
 
-    It follows from the `turn_on_bias` of a SensorCalibration; without one, it is that of data
-    sheets, `TURN_ON`. Takes the SensorCalibration and the name of the sensor.
+    It follows from the `turn_on_bias` of a SensorCalibration; without one, data sheets
+    give it, `TURN_ON`. Takes the SensorCalibration and the name of the sensor.
     """
     for fitted in calibration.effects:
         if isinstance(fitted.effect, TurnOnBias):

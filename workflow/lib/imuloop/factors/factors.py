@@ -166,17 +166,16 @@ class Measurements:
         It is a pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None
         for the accelerometer if no velocity counts.
         """
-        return self.designs_with(())
+        return self.designs_at(self.about)
 
-    def designs_with(self, effects):
-        """Return the derivatives of the effects of the state and of more effects, a dict by sensor.
+    def designs_at(self, state):
+        """Return the derivatives of the effects of a State, a dict by sensor.
 
-        `effects` are the additional ones, a sequence of SensorEffect. The derivative of the sum of
-        a sensor's effects with respect to their q parameters is a pair: at the rests, (n, 3, q),
-        and along the moves, (m, k, 3, q). The latter is None for the accelerometer if no velocity
-        counts.
+        The derivative of the sum of a sensor's effects with respect to their q parameters is a
+        pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None for the
+        accelerometer if no velocity counts.
         """
-        state, recording = self.about.with_effects(effects), self.recording
+        recording = self.recording
         return {
             sensor: (
                 _design(sensor, state, self.rests, recording.pose_channels),

@@ -1,5 +1,6 @@
 """Residuals of all factors at one state, with their Jacobian and intermediate values."""
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +9,38 @@ from imuloop.core.rotation import exponential, matrix, multiply, prefix_product,
 from imuloop.core.samples import SENSORS
 from imuloop.factors.covariance import ResidualCovariance
 from imuloop.factors.rows import gravity_norm, rest_rate, rotation, velocity
-from imuloop.model.state import BIAS
+from imuloop.model.state import BIAS, COUNT, NAMES, State
+
+
+@dataclass(frozen=True)
+class MoveTerm:
+    """How the last a residuals of m moves depend on calibrated values of one sensor.
+
+    The values are k samples of each move, or the mean over the rest before or after it.
+    """
+
+    sensor: str
+    # (m, k, a, 3): derivative of the residuals with respect to the calibrated values
+    weights: np.ndarray
+    y: np.ndarray  # (m, k, 3): the values before calibration, nominal SI
+    rest: np.ndarray | None = None  # (m,): index of the rest; None for the samples of the move
+
+    def design(self, designs):
+        """Return the derivative of the sensor's effects at the values, (m, k, 3, q).
+
+        `designs` has by sensor the derivatives at the rests, (n, 3, q), and along the moves,
+        (m, k, 3, q).
+        """
+        at_rests, along = designs[self.sensor]
+        return along if self.rest is None else at_rests[self.rest, None]
+
+    def rows(self, places):
+        """Return the indices of the residuals in a Jacobian, (m, a, 1).
+
+        `places` has the indices of all residuals of each move. A force during the move changes only
+        the last ones, the velocities.
+        """
+        return places[:, -self.weights.shape[2] :, None]
 
 
 class Linearised:
@@ -20,10 +52,12 @@ class Linearised:
     ----------
     measured, state : Measurements, State
         The rests and moves, and the p parameters of both sensors and of their effects.
-    force : Sensor
-        The accelerometer with these parameters.
+    force, turn : Sensor
+        The accelerometer and the gyroscope with these parameters.
     force_at_rest : ndarray, shape (n, 3)
         Calibrated specific force at the rests, m/s^2.
+    up : ndarray, shape (n, 3)
+        Direction of `force_at_rest`, a unit vector.
     across : ndarray, shape (n, 3, 3)
         Derivative of the direction of `force_at_rest` with respect to `force_at_rest`.
     leaving, arriving : ndarray, shape (m, 3)
@@ -59,10 +93,11 @@ class Linearised:
         # derivative of the sum of a sensor's effects with respect to their parameters: of the
         # accelerometer at rests, of the gyroscope along moves
         (of_force, _), (_, along) = measured.designs.values()
-        self.force, turn = (state.sensor(name) for name in SENSORS)
+        self.sensors = {name: state.sensor(name) for name in SENSORS}
+        self.force, self.turn = self.sensors.values()
         self.force_at_rest = self.force.values(rests.f, of_force)
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
-        up = self.force_at_rest / norm
+        up = self.up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
         # upward directions at the start and end of each rest, which differ if it tilts: the small
         # rotations within it are calibrated as angular rates are
@@ -70,7 +105,7 @@ class Linearised:
         start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
         # rotation vectors of the time steps
-        turns = step_vectors(turn.values(moves.w, along), moves.steps, moves.uneven)
+        turns = step_vectors(self.turn.values(moves.w, along), moves.steps, moves.uneven)
         half = exponential(turns / 2)
         self.after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
@@ -87,21 +122,15 @@ class Linearised:
         places = [first + width * number + np.arange(width) for first, width in blocks]
         self.places = np.concatenate(places, axis=1)
 
-    def _rest_rows(self, state, designs):
-        """Return the RestRows, residuals and derivatives at rests, of both sensors at a State.
-
-        `designs` has the derivatives of the effects of the state by sensor, a pair: at the rests,
-        (n, 3, q), and along the moves, (m, k, 3, q).
-        """
-        rests, (of_force, of_turn) = self.measured.rests, (at for at, _ in designs.values())
-        force, turn = (state.sensor(name) for name in SENSORS)
-        gravity = self.measured.factors.gravity
-        return gravity_norm(force, rests.f, gravity, of_force), rest_rate(turn, rests.w, of_turn)
-
     @cached_property
     def rest_rows(self):
         """Residuals at rests and their derivatives, RestRows of accelerometer and gyroscope."""
-        return self._rest_rows(self.state, self.measured.designs)
+        rests, gravity = self.measured.rests, self.measured.factors.gravity
+        (of_force, _), (of_rate, _) = self.measured.designs.values()
+        return (
+            gravity_norm(self.force, rests.f, gravity, of_force),
+            rest_rate(self.turn, rests.w, of_rate),
+        )
 
     @property
     def residual(self):
@@ -113,9 +142,36 @@ class Linearised:
         return values[self.measured.counted]
 
     @cached_property
+    def move_terms(self):
+        """How the residuals of moves depend on calibrated values, a list of MoveTerm."""
+        rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
+        # the rate of a step is the mean of the rates at its ends
+        by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
+        terms = [MoveTerm("gyroscope", by_rate, moves.w)]
+        for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
+            mean = rests.f[rest, None]
+            terms.append(MoveTerm("accelerometer", by_force[:, None], mean, rest=rest))
+        if rows.by_force is not None:
+            by_force = rows.by_force * self.weights[..., None, None]
+            terms.append(MoveTerm("accelerometer", by_force, moves.f))
+        return terms
+
+    @cached_property
     def jacobian(self):
         """Derivative of the N residuals that the fit uses by the p parameters, (N, p)."""
-        return self._jacobian(self.state, self.measured.designs, self.rest_rows)
+        designs, state = self.measured.designs, self.state
+        jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
+        for sensor, at_rest in zip(SENSORS, self.rest_rows, strict=True):
+            stop = start + at_rest.residual.size
+            jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
+            start = stop
+        for term in self.move_terms:
+            sensor, design = self.sensors[term.sensor], term.design(designs)
+            change = sensor.jacobian(term.weights, term.y, design)
+            jacobian[term.rows(self.places), state.places(term.sensor)] += change
+        if self.measured.factors.bias_held:
+            jacobian[:, BIAS] = 0.0
+        return jacobian[self.measured.counted]
 
     def columns(self, effects):
         """Return the derivative of the N residuals with respect to effects that the state lacks.
@@ -123,51 +179,22 @@ class Linearised:
         `effects` is a sequence of SensorEffect with q parameters, which are zero. The result is
         (N, q), with a row for each residual that the fit uses.
         """
-        state, designs = self.state.with_effects(effects), self.measured.designs_with(effects)
-        jacobian = self._jacobian(state, designs, self._rest_rows(state, designs))
-        return jacobian[:, len(self.state.x) :]
-
-    def _jacobian(self, state, designs, rest_rows):
-        """Return the derivative of the N residuals that the fit uses by the p parameters, (N, p).
-
-        It is taken at a State. `designs` has the derivatives of its effects by sensor, a pair: at
-        the rests, (n, 3, q), and along the moves, (m, k, 3, q). `rest_rows` has the residuals at
-        rests and their derivatives, RestRows of both sensors.
-        """
-        rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
-        jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
-
-        def add(sensor, places, weights, y, design):
-            """Add the contribution of a sensor's samples to the rows `places` of the Jacobian.
-
-            `weights`, (m, k, a, 3), is the derivative of the residuals by the calibrated values of
-            the samples, y, (m, k, 3), their values in nominal SI (before calibration), and
-            `design`, (m, k, 3, q), their derivative by the parameters of the effects.
-            """
-            change = state.sensor(sensor).jacobian(weights, y, design)
-            jacobian[places[..., None], state.places(sensor)] += change
-
-        for sensor, at_rest in zip(SENSORS, rest_rows, strict=True):
-            stop = start + at_rest.residual.size
-            jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
-            start = stop
-        # derivatives of the accelerometer's effects at rests and along moves, and of the
-        # gyroscope's effects along moves
-        (at_rests, along_by_force), (_, along_by_rate) = designs.values()
-        for weights, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
-            f, design = rests.f[rest, None], at_rests[rest, None]
-            add("accelerometer", self.places, weights=weights[:, None], y=f, design=design)
-        # the rate of a step is the mean of those at its ends
-        weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
-        add("gyroscope", self.places, weights=weights, y=moves.w, design=along_by_rate)
-        if rows.by_force is not None:
-            weights = rows.by_force * self.weights[..., None, None]
-            # only the last components, the velocity, depend on the force during a move
-            places = self.places[:, -weights.shape[2] :]
-            add("accelerometer", places, weights=weights, y=moves.f, design=along_by_force)
-        if self.measured.factors.bias_held:
-            jacobian[:, BIAS] = 0.0
-        return jacobian[self.measured.counted]
+        state = State(self.measured.about.x[:COUNT]).with_effects(effects)
+        designs, n = self.measured.designs_at(state), len(self.measured.rests)
+        places = {s: state.places(s)[len(NAMES[s]) :] - COUNT for s in SENSORS}
+        columns = np.zeros((len(self.measured.counted), len(state.x) - COUNT))
+        (of_force, _), (of_rate, _) = designs.values()
+        # at a rest the norm of gravity changes along the upward direction, (n, k, a, 3)
+        norm = self.force.effect_jacobian(self.up[:, None, None], of_force[:, None])
+        columns[:n, places["accelerometer"]] = norm[:, 0]
+        columns[n : 4 * n, places["gyroscope"]] = -np.concatenate(of_rate)
+        for term in self.move_terms:
+            # most variants belong to one sensor
+            if len(own := places[term.sensor]):
+                sensor, design = self.sensors[term.sensor], term.design(designs)
+                change = sensor.effect_jacobian(term.weights, design)
+                columns[term.rows(self.places), own] += change
+        return columns[self.measured.counted]
 
     @cached_property
     def noise(self):

@@ -64,8 +64,8 @@ def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
     It has the mean and covariance of the base parameters (misalignments, scale factors and biases)
-    that the calibration estimated; the others keep those of `prior`, a Prior. The variance of a
-    bias includes the scatter between power cycles. `source` is the name of the file.
+    that the calibration estimated; the others keep the values of `prior`, a Prior. The variance of
+    a bias includes the scatter between power cycles. `source` is the name of the file.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
@@ -170,5 +170,5 @@ def _others(content, name, device):
         raise ImuloopError(f"damaged: {name}: {error!r}") from error
     y, std = rows.reshape(-1, 2).T
     if not (np.isfinite(rows).all() and (std > 0).all()):
-        raise ImuloopError(f"damaged: {name} has a value that is no number, or no standard error")
+        raise ImuloopError(f"damaged: {name} has a value or a standard error that is not valid")
     return y, std

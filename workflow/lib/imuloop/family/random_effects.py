@@ -56,7 +56,7 @@ def fit(y, squares, counted=None):
 
     The model is ``y_i ~ N(μ, τ² + s_i²)``. The score of the likelihood with respect to τ² is
     ``½ (yᵀ P P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw``, where W is the diagonal matrix of the
-    weights ``w = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is no less than zero.
+    weights ``w = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is at least zero.
 
     Parameters
     ----------

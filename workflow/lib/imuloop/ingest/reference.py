@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import correlate, correlation_lags
 from scipy.spatial.transform import Rotation, Slerp
 
 from imuloop.core.errors import ImuloopError
@@ -143,6 +142,9 @@ def _on_clock(reference, t, w):
     The clocks are one where the best offset is below `SAME_CLOCK`; what is left of it is for the
     diagnosis.
     """
+    # loaded late, as few logs have a reference
+    from scipy.signal import correlate, correlation_lags
+
     start, end, turn = turns(reference)
     grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), STEP)
     size = np.linalg.norm(turn, axis=1) / (end - start)

@@ -88,7 +88,7 @@ class Calibration:
         -------
         DataFrame
             A row per parameter: `sensor`, `parameter`, `value`, `std`, `unit` and `source`; `std`
-            is the standard error, nan if there was no fit; `source` is ``data`` or, of a parameter
+            is the standard error, nan without a fit; `source` is ``data`` or, of a parameter
             that the data hardly improved, ``data sheet`` or the file of the prior.
         """
         rows = [(s, *row) for s in SENSORS for row in getattr(self, s).parameters(s)]
@@ -132,8 +132,8 @@ class Calibration:
         if not self.measured:
             raise ImuloopError(
                 f"{where or self.device}: the calibration is nominal, nothing was measured: "
-                f"{'; '.join(self.limits())}; to apply what the data sheet promises give "
-                "--nominal, in Python nominal=True"
+                f"{'; '.join(self.limits())}; to apply the data sheet's values give --nominal, in "
+                "Python nominal=True"
             )
 
     def apply(self, samples, *, nominal=False):

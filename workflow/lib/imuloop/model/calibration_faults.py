@@ -7,11 +7,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_yaml
 from imuloop.core.units import raw_unit
 from imuloop.model.effect import Effect
+from imuloop.model.state import NAMES
 
 SCHEMA = Path(__file__).parents[1] / "schemas" / "calibration.schema.yaml"
 # largest file of a calibration: one with 200 parameters per sensor is smaller
@@ -20,10 +21,6 @@ MOST_BYTES = 4_000_000
 _SHOWN = 160
 
 _QUANTITIES = {"accelerometer": "acceleration", "gyroscope": "angular_rate"}
-# names of the base parameters that a fit can estimate, and of those of the accelerometer alone
-_SCALES = {f"{letter}{i}" for letter in "Kb" for i in range(3)}
-_ANGLES = {f"T{i}{j}" for i in range(3) for j in range(3) if i != j}
-_UPPER = {name for name in _ANGLES if name[1] < name[2]}
 # largest ratio of a scale factor to the nominal one, or its inverse, and largest condition of T
 _FURTHEST = 100.0
 # largest parameter or standard error, SI; its square does not overflow
@@ -44,7 +41,7 @@ def _validator():
     # loaded late and parsed once, as it takes longer than the rest of reading a calibration
     from jsonschema import Draft202012Validator
 
-    return Draft202012Validator(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
+    return Draft202012Validator(read_yaml(SCHEMA))
 
 
 def content_fault(content):
@@ -123,7 +120,7 @@ def _base_faults(calibration, sensor):
     ratio = K / unit.scale
     for i in np.flatnonzero(~((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST))):
         limits = f"{1 / _FURTHEST:g} to {_FURTHEST:g} times"
-        yield f"K{i} is {ratio[i]:.4g} times what the unit promises, not {limits}"
+        yield f"K{i} is {ratio[i]:.4g} times the scale of the unit, not {limits}"
     if not np.all(np.abs(np.diag(T) - 1) <= _ROUNDING):
         yield "the diagonal of T is not 1"
     if sensor == "accelerometer" and np.tril(T, -1).any():
@@ -140,9 +137,9 @@ def _effect_faults(calibration, sensor):
     names = [effect.name for effect in calibration.effects]
     for effect in calibration.effects:
         if sensor not in effect.effect.sensors:
-            yield f"{effect.name} is no effect of the {sensor}"
+            yield f"{effect.name} is not an effect of the {sensor}"
         if type(effect.effect).design is Effect.design:
-            yield f"{effect.name} is no effect that can be taken out of samples"
+            yield f"{effect.name} is not an effect that can be removed from samples"
         if names.count(effect.name) > 1:
             yield f"the effect {effect.name} is there twice"
         for key, value in (*effect.values.items(), *effect.std.items()):
@@ -159,10 +156,8 @@ def _covariance_faults(calibration, sensor):
     if matrix is None:
         matrix = np.zeros((0, 0))
     possible = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
-    # the accelerometer's axes define the body's: its T is upper triangular
-    possible |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
-    if unknown := set(names) - possible:
-        yield f"covariance: '{min(unknown)}' is no parameter"
+    if unknown := set(names) - possible - set(NAMES[sensor]):
+        yield f"covariance: '{min(unknown)}' is not a parameter"
     if matrix.shape != (len(names), len(names)):
         yield f"covariance: {len(names)} names, but a matrix of the shape {matrix.shape}"
     variance = np.diag(matrix)

@@ -130,7 +130,7 @@ class Effect:
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # amount by which the logarithm of its p-value has to be lower than that of a variant without a
+    # amount by which the logarithm of its p-value has to be lower than for a variant without a
     # price, because its constants are rarely needed
     price: ClassVar[float] = 0.0
     # least and largest value of constants that have limits
@@ -160,8 +160,8 @@ class Effect:
     def clamped(self, design, low, high):
         """Return the derivative D, `design`, (n, 3, p), clamped to a range for each parameter.
 
-        `low` and `high`, (p,), are the ends of the ranges, those of D in the data that the effect
-        was fitted to: beyond them it is not known.
+        `low` and `high`, (p,), are the ends of the ranges of D in the data that the effect was
+        fitted to: beyond them it is not known.
         """
         # zeros are kept: they are axes that do not depend on a parameter
         return np.where(design == 0, 0.0, np.clip(design, low, high))
@@ -203,16 +203,16 @@ class Effect:
     def design(self, channels):
         """Return D, the derivative of e with respect to the p parameters, SI, (n, 3, p).
 
-        e is what the effect adds to the output at the n points of the Channels. If it is not linear
-        in the parameters, D is the derivative at zero.
+        The effect adds e to the output at the n points of the Channels. If it is not linear in the
+        parameters, D is the derivative at zero.
         """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
         """Return D, SI, (n, 3, p), such that ``D x = e`` at the parameters x = `values`, (p,).
 
-        e is what the effect adds to the output at the n points of the Channels. D is the derivative
-        of e at zero, unless e is not linear in the parameters.
+        The effect adds e to the output at the n points of the Channels. D is the derivative of e
+        at zero, unless e is not linear in the parameters.
         """
         return self.design(channels)
 
@@ -286,8 +286,8 @@ class FittedEffect:
     def with_ranges(self, channels):
         """Return the FittedEffect with the ranges of its derivative in the data that show it.
 
-        `channels` is a list of Channels, those of the data. A range has the least and the largest
-        value of the derivative with respect to a parameter.
+        `channels` is a list of Channels, one for each part of the data. A range has the least and
+        the largest value of the derivative with respect to a parameter.
         """
         designs = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
@@ -325,7 +325,7 @@ class FittedEffect:
         values = {key: float(values[key]) for key in effect.parameters}
         ranges = {key: (float(low), float(high)) for key, (low, high) in ranges.items()}
         if not all(low <= high for low, high in ranges.values()):
-            raise ImuloopError(f"effect {name}: range is no least and largest value")
+            raise ImuloopError(f"effect {name}: range is not a least and a largest value")
         return cls(effect, values=values, std=dict(std), ranges=ranges)
 
 

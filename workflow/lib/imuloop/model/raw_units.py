@@ -22,8 +22,8 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
     sensor, unit : str, RawUnit
         Name of the sensor, and the raw unit of its log.
     x, covariance : ndarray, shape (p,), (p, p)
-        The parameters, off-diagonal elements of T, K, b, then those of the effects, and their
-        covariance.
+        The off-diagonal elements of T, K, b, then the parameters of the effects, and the
+        covariance of all.
     effects : sequence of Effect, optional
         The effects of the sensor.
     prior : Prior, optional

@@ -88,10 +88,18 @@ class Sensor:
         by_corrected, by_raw = (
             (flat @ values).reshape(m, a, 3, 3) for values in (self.corrected(y, D), y - self.b)
         )
-        # one product of matrices instead of one per sample
-        on_sensor_axes = np.tensordot(A, self.T, 1).swapaxes(1, 2).reshape(m, a, 3 * k)
         by_T = by_corrected[:, :, *self.entries]
         by_K = np.einsum("maij,ij->maj", by_raw, self.T)
         by_b = -A.sum(axis=1) @ self.gain
-        by_p = -on_sensor_axes @ D.reshape(m, 3 * k, D.shape[-1])
-        return np.concatenate([by_T, by_K, by_b, by_p], axis=2)
+        return np.concatenate([by_T, by_K, by_b, self.effect_jacobian(A, D)], axis=2)
+
+    def effect_jacobian(self, A, D):
+        """Return the derivative of the sums of ``A x`` with respect to p alone, (m, a, q).
+
+        The sums are over the k samples of each of m groups. Takes A, (m, k, a, 3), and D,
+        (m, k, 3, q), as `jacobian` does.
+        """
+        m, k, a, _ = A.shape
+        # one product of matrices instead of one per sample
+        on_sensor_axes = np.tensordot(A, self.T, 1).swapaxes(1, 2).reshape(m, a, 3 * k)
+        return -on_sensor_axes @ D.reshape(m, 3 * k, D.shape[-1])

@@ -38,7 +38,7 @@ class SensorCalibration:
     not_testable: str | None = None  # why the data do not determine the full model
     reduced_chi2: float | None = None  # reduced χ² of the fit by the noise model
     # worst verdict, in diagnosis.json, of the records that the parameters and effects come from;
-    # None if there was no diagnosis
+    # None without a diagnosis
     verdict: str | None = None
     # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None if absent
     prior: dict | None = None
@@ -67,9 +67,9 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Ratio of the variance of the residuals to that of the noise model, at least one.
+        """Variance of the residuals over the variance by the noise model, at least one.
 
-        It is one without degrees of freedom, when there is no reduced χ².
+        It is one without degrees of freedom, when the reduced χ² is None.
         """
         return max(1.0, self.reduced_chi2 or 1.0)
 

@@ -53,15 +53,18 @@ class State:
 
         `sensor` is its name; the parameters of its effects come last.
         """
-        return np.flatnonzero([owner == sensor for owner, *_ in parameters(self.effects)])
+        counts = [len(effect.parameters) for effect in self.effects]
+        owners = np.repeat([effect.sensor == sensor for effect in self.effects], counts)
+        base = np.arange(BASE[sensor].start, BASE[sensor].stop)
+        return np.append(base, COUNT + np.flatnonzero(owners))
 
     def sensor(self, sensor):
         """Return the equation of a sensor with these parameters, a Sensor; `sensor` is its name."""
-        # the parameters are the off-diagonal elements of T, then K, b, and those of the effects
         values, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
-        T[entries], values = np.split(values, [len(entries[0])])
-        K, b, p = np.split(values, [3, 6])
-        return Sensor(entries, T=T, K=K, b=b, p=p)
+        # the n off-diagonal elements of T come first, then K, b, and the parameters of the effects
+        n = len(entries[0])
+        T[entries] = values[:n]
+        return Sensor(entries, T=T, K=values[n : n + 3], b=values[n + 3 : n + 6], p=values[n + 6 :])
 
     def with_effects(self, effects):
         """Return the State with more effects, a sequence of SensorEffect, with parameters zero."""
@@ -72,7 +75,7 @@ class State:
 def parameters(effects=()):
     """Return a list of (sensor, name, SI unit) of all parameters of a state.
 
-    Those of both sensors come first, then those of `effects`, a sequence of SensorEffect.
+    Both sensors come first, then the `effects`, a sequence of SensorEffect.
     """
     rows = []
     for sensor, names in NAMES.items():

@@ -58,7 +58,8 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
         near = x.T.compress(distance <= cut / middle * np.median(distance), axis=1)
-        # the last factor is the ratio of the second moment of all vectors to that of the near ones
+        # the last factor is the second moment of all vectors over the second moment of the near
+        # ones
         covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut) + np.diag(floor)
     tail = np.quantile(squared_distance(x, covariance), TAIL) / chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
@@ -105,8 +106,8 @@ def undisturbed_ranges(x, ranges, step, settings):
 
     If several scales show a disturbance, the finest determines the cut. A wide disturbance is cut
     at the edge where the level changes more. The search is then repeated on the remaining ranges,
-    so that a tilt next to a knock, or the sway after it, is found too. Of a lasting tilt only the
-    transition is cut: the ranges before and after it are separate.
+    so that a tilt next to a knock, or the sway after it, is found too. A lasting tilt is cut only
+    at its transition: the ranges before and after it are separate.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
         numbers of rests that are too short for the settings, ``short_rests``, are clipped,
         ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
-        ``shorter`` settings that were used instead, None without.
+        ``shorter`` settings that were used instead, or None.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
@@ -234,7 +234,7 @@ def _choose_rests(log, settings):
 def _detect(log, settings):
     """Return all rests of a session, their steady parts, the bias, and how many are too short.
 
-    Rests are ranges of samples, (m, 2); the bias is that of the gyroscope, rad/s, (3,). `log` holds
+    Rests are ranges of samples, (m, 2); the bias is the gyroscope's, rad/s, (3,). `log` holds
     specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps and the time
     step, s.
     """

@@ -60,7 +60,8 @@ def tilts(rows, ranges, step):
     # a specific force of zero has no direction
     if not size > 0:
         return np.empty((0, 2), dtype=int)
-    # one magnitude for all blocks: a change of the magnitude is no tilt and has to remain visible
+    # one magnitude for all blocks: a change of the magnitude is not a tilt and has to remain
+    # visible
     u = means[:, :3] / size
     change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
     # the turn up to the middle of each block

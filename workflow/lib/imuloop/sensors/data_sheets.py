@@ -7,9 +7,9 @@ from math import isclose, nan, sqrt
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from imuloop.core.errors import ImuloopError, did_you_mean
+from imuloop.core.files import read_yaml
 from imuloop.core.units import DEGREE, FACTORS, STANDARD_GRAVITY
 
 # sensor of each quantity
@@ -213,7 +213,7 @@ def find_sensor(name):
 @cache
 def _table():
     """Return the table of sensors as it is in the file, a dict of dicts by key of the sensor."""
-    return yaml.safe_load(TABLE.read_text(encoding="utf-8"))
+    return read_yaml(TABLE)
 
 
 def _plain(name):

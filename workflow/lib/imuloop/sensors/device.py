@@ -35,7 +35,7 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     sheet = find_sensor(sensor) if sensor else None
     scales, limits, tolerances, noise = {}, {}, {}, {}
     for quantity, part in PARTS.items():
-        # what the config states about the quantity, and the range that it chooses
+        # statements of the config on the quantity, and the range that it chooses
         stated, wanted = dict((nominal or {}).get(quantity) or {}), (ranges or {}).get(quantity)
         tolerance = stated.pop("tolerance", None) or {}
         figures, usual = getattr(sheet, part, None), GENERIC[part]
@@ -44,7 +44,7 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
             stated = {"scale": chosen.scale} | stated
             limits[quantity], density = chosen.full_scale, chosen.noise_density
         elif figures:
-            # without a choice there is no scale, only the ranges to choose from
+            # without a choice the scale is not known, only the ranges to choose from
             stated = {"ranges": [one_range.name for one_range in figures.ranges]} | stated
             density = figures.noise_density
         if figures:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 import imuloop.effects  # noqa: F401  loads the library of effects
 from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_yaml
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.model.effect import FittedEffect
@@ -149,7 +149,7 @@ def read_truth(path):
 
     Raises an ImuloopError if the file does not hold a truth.
     """
-    content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    content = read_yaml(path)
     try:
         parts = {name: _sensor(**content[name]) for name in SENSORS}
         parts["sessions"] = {k: _session(**plan) for k, plan in content["sessions"].items()}

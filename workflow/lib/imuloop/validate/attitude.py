@@ -26,10 +26,8 @@ BLOCK, FEWEST = 5, 4
 # s of the rest before a stretch in which the filter settles, and of the rest after it
 SETTLE = 30.0
 # of attitude.parquet, with their types
-COLUMNS = "session", "stretch", "block", "method", "model", "t_s", "after_s", "at", "error_deg"
-COLUMNS = dict.fromkeys(COLUMNS, object)
-COLUMNS |= dict.fromkeys(("stretch", "block"), int)
-COLUMNS |= dict.fromkeys(("t_s", "after_s", "error_deg"), float)
+COLUMNS = {"session": object, "stretch": int, "block": int, "method": object, "model": object}
+COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 
 
 def validate_attitude(device, diagnosed, settings):
@@ -56,21 +54,18 @@ def validate_attitude(device, diagnosed, settings):
         Content of attitude.parquet, a row per stretch, method, model and time.
     """
     recording, poses = diagnosed.recording, diagnosed.poses
-    if "gyroscope" not in poses.calibrations:
+    if poses.choices is None or "gyroscope" not in poses.calibrations:
         why = poses.contents["gyroscope"].get("why")
         return no_attitude(device, why or "the poses determine no calibration of the gyroscope")
     block = blocks(len(recording.poses), settings)
-    if poses.choices is None:
-        return no_attitude(device, poses.contents["gyroscope"]["why"])
     problem = poses.choices.problem.with_folds(block)
     try:
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:
         return no_attitude(device, why_no_fit(error))
     errors = _errors(recording, block, models, diagnosed.names)
-    methods = {m: _summary(errors, m) for m in METHODS}
-    floor = _rotation_floor(problem, poses.solution)
-    methods["rotation"]["floor_deg"] = float(np.degrees(floor))
+    methods = {m: _summary(errors[errors["method"] == m]) for m in METHODS}
+    methods["rotation"]["floor_deg"] = _rotation_floor(problem, poses.solution)
     # names of the effects in the final model of each block, by sensor
     effects = [
         {s: [e.name for e in getattr(by_name["final"], s).effects] for s in SENSORS}
@@ -165,23 +160,27 @@ def _errors(recording, block, models, names):
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
+                # (rests, 1): on arrival at a rest; (rests, 2): on departure from it, too
                 error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
-                moment = np.broadcast_to(["arrival", "departure"][: error.shape[1]], error.shape)
-                columns = ends[1:, : error.shape[1]], after[method], moment, np.degrees(error)
-                rows = names[session], number, k, method, model, *map(np.ravel, columns)
-                tables.append(pd.DataFrame(dict(zip(COLUMNS, rows, strict=True))))
+                rests, moments = error.shape
+                rows = {"session": names[session], "stretch": number, "block": k}
+                rows |= {"method": method, "model": model, "t_s": ends[1:, :moments].ravel()}
+                rows["after_s"] = after[method].ravel()
+                rows["at"] = np.tile(["arrival", "departure"][:moments], rests)
+                rows["error_deg"] = np.degrees(error).ravel()
+                tables.append(pd.DataFrame(rows))
     return pd.concat(tables, ignore_index=True)
 
 
-def _summary(rows, method):
+def _summary(rows):
     """Return the content of attitude.json on a method, a dict: errors at the end of each move.
 
-    `rows` is the table of all errors, and `method` a key of `METHODS`.
+    `rows` is the table of the errors of the method.
     """
-    rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
+    rows = rows[rows["at"] == "arrival"]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: table["error_deg"].to_numpy() for model, table in by_model.items()}
-    base, final = (errors[m][:, None] for m in ("base", "final"))
+    base, final = errors["base"][:, None], errors["final"][:, None]
     models = {
         model: {"rms_deg": float(np.sqrt((e**2).mean())), "p95_deg": float(np.quantile(e, 0.95))}
         for model, e in errors.items()
@@ -198,17 +197,18 @@ def _summary(rows, method):
 
 
 def _rotation_floor(problem, solution):
-    """Return the root mean square held-out error of a rotation that noise alone causes, rad.
+    """Return the root mean square held-out error of a rotation that noise alone causes, deg.
 
     `problem` is the PoseProblem with the folds, and `solution` the Fit of all poses.
     """
     factors = problem.joint_fit.linearise(solution, problem.recording)
     noise = factors.noise.by(problem.joint_fit.noise)
-    # the rows after those of the recording belong to the prior
+    # the rows after the rows of the recording belong to the prior
     measured = slice(len(solution.white))
     covariance = held_out_covariance(noise, factors.jacobian, problem.row_folds[measured])
     # a rotation has two components
-    return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[measured]].mean())
+    variance = 2 * np.diag(covariance)[problem.of_kind("rotation")[measured]].mean()
+    return float(np.degrees(np.sqrt(variance)))
 
 
 @dataclass(frozen=True)

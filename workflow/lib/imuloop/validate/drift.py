@@ -127,12 +127,12 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     r are the residuals of both sensors in the new log with the old parameters: ``|f| - g`` at rest,
     the angular rate at rest, and the direction of gravity after each turn. J is their Jacobian.
     Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of the noise
-    and C that of the old parameters. The change δ of the parameters that the log determines
-    minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is the
-    difference to a new calibration, and its covariance is the sum of both covariances. The scatter
-    of a bias between power cycles adds to this covariance. Two families of tests share the level:
-    each parameter by itself, and a χ² test per sensor of all its parameters. The p-values of each
-    family are adjusted by Holm's method.
+    and C the covariance of the old parameters. The change δ of the parameters that the log
+    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is
+    the difference to a new calibration, and its covariance is the sum of both covariances. The
+    scatter of a bias between power cycles adds to this covariance. Two families of tests share the
+    level: each parameter by itself, and a χ² test per sensor of all its parameters. The p-values of
+    each family are adjusted by Holm's method.
 
     δ is the change of each parameter while all others may change too. A fit with the old
     calibration as prior would spread the change of one parameter over others that are correlated

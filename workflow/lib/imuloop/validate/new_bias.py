@@ -45,7 +45,7 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
         if not set(BIASES) <= set(log.testable(name).names):
             kept[name] = f"the bias is not determined by {log.data(name)}"
             if name == "accelerometer":
-                kept[name] += "; it takes three or more in directions of their own"
+                kept[name] += "; it takes three or more in different directions"
     updated = [name for name in SENSORS if name not in kept]
     if not updated:
         why = "; ".join(f"{name}: {kept[name]}" for name in SENSORS)

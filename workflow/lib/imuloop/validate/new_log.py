@@ -57,14 +57,14 @@ class NewLog:
     calibration : Calibration
         The old calibration of both sensors.
     recording : Recording
-        Rests, and turns between them, of other power cycles than those of the calibration.
+        Rests, and turns between them, of power cycles that the calibration has not seen.
     noise : NoiseModel
         Noise of the device.
     gravity : float, optional
         Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
     turns : bool
         Whether turns count. They do not where misalignment and scale factor of a sensor were not
-        estimated, as there is no direction of gravity.
+        estimated, as the direction of gravity is not known.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class NewLog:
             The change and its covariance.
         ndarray, shape (n, n)
             Covariance of the residuals with the old parameters. The noise is enlarged if the new
-            log fits worse than its noise whatever the parameters are.
+            log fits worse than its noise with any parameters.
         """
 
         def linearise(change):
