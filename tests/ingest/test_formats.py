@@ -341,7 +341,6 @@ def test_first_bytes_go_before_the_name(tmp_path, head, name):
 def test_the_config_goes_before_all(log, run, tmp_path):
     path = tmp_path / "log.parquet"
     log.to_csv(path, index=False)
-    assert find_format("csv", {"log": path}) == ("csv", FORMATS["csv"])
     assert run(path, format="csv").quality["log_format"] == "csv"
 
 

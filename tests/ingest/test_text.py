@@ -31,7 +31,6 @@ from ingest.text_forms import (
 
 # share by which values that are converted twice may differ
 ROUNDED = 1e-12
-TWO_ROWS = "Time;Acceleration;;;Rate gyro;;\n;x;y;z;x;y;z\ns;m/s^2;m/s^2;m/s^2;rad/s;rad/s;rad/s\n"
 PREAMBLE = "\ufeffLogger 3, version 2\n\n"
 MONTH, SLASHES = "%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"
 BRACKETS = "s,m/(s^2),m/(s^2),m/(s^2),rad/s,rad/s,rad/s"
@@ -80,8 +79,6 @@ WAYS = {
                        ROUNDED),
     "a row of units in brackets": (lambda log: row_of_units(log, "[{}]"), {}, (), {}, ROUNDED),
     "a row of units with brackets in them": (lambda log: inserted(log, 1, BRACKETS), {}),
-    "names in two rows": (lambda log: TWO_ROWS + text(log, sep=";", header=False), {}, (),
-                          {"columns.angular_rate": [f"Rate gyro {a}" for a in "xyz"]}),
     "decimal commas beside dates with a point": (decimal_commas, {}),
     **{f"dates as {form}": (lambda log, form=form: text(dated(log, form)), {}, (),
                             {"start": "2023-02-28T23:59:58.500000Z"}) for form in (MONTH, SLASHES)},
@@ -126,9 +123,6 @@ WAYS = {
     "names with a prefix beside the usual ones":
         (lambda log: text(log.join(log.add_prefix("imu1_") + 1).assign(SampleTimeFine=log.t * 2)),
          {}),
-    # as of an Xsens without ticks
-    "an empty column of ticks":
-        (lambda log: text(log.assign(t="").rename(columns={"t": "SampleTimeFine"})), {"rate": 100}),
     "columns that end before those of another sensor":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),
     **{f"the unit {unit}":

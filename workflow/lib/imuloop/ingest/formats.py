@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, RejectedLog, nearest
 from imuloop.ingest import arrays, dataflash, delimited, json_lines, phone, ros, tables, ulog
+from imuloop.ingest.damage import read_whole
 from imuloop.ingest.text_layout import SPREADSHEET
 
 # roles of two files, of one sensor each
@@ -23,13 +24,14 @@ class LogFormat:
     ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and what the config
     says of columns. It raises ImuloopError where a declaration does not fit, RejectedLog for a
     broken file. `endings` are those of file names, lower case, `starts` the first bytes of files,
-    whatever their name; a `folder` may be read.
+    whatever their name; a `folder` may be read. `remedy` says what to do with a broken file.
     """
 
     read: Callable
     endings: tuple[str, ...]
     starts: tuple[bytes, ...] = ()
     folder: bool = False
+    remedy: str = "copy it again, or save it anew"
 
 
 # a new format is a reader and a line here; its tests: "Adding a format", docs/formats.md
@@ -46,7 +48,7 @@ FORMATS = {
     "numpy": LogFormat(arrays.read_numpy, (".npy", ".npz"), (b"\x93NUMPY",)),
     "netcdf": LogFormat(arrays.read_netcdf, (".nc", ".nc4", ".cdf", ".netcdf"), (b"CDF",)),
     "matlab": LogFormat(arrays.read_matlab, (".mat",), (b"MATLAB ",)),
-    "ros": LogFormat(ros.read, ros.ENDINGS, ros.STARTS, folder=True),
+    "ros": LogFormat(ros.read, ros.ENDINGS, ros.STARTS, folder=True, remedy=ros.REMEDY),
     "phone": LogFormat(phone.read, (".zip",), (b"PK\x03\x04",)),
     "ulog": LogFormat(ulog.read, (".ulg", ".ulog"), (b"ULog\x01\x12\x35",)),
     # text logs end in .log as other tables do
@@ -75,23 +77,23 @@ def find_format(name, paths):
     An ImuloopError where the name is unknown, or the files show none or are not the format's; a
     RejectedLog where a file is of no format.
     """
-    if cause := next(filter(None, map(no_log, paths.values())), None):
-        raise RejectedLog(cause)
+    for path in paths.values():
+        if cause := no_log(path):
+            raise RejectedLog(cause)
     name = name or guess_format(paths)
     if name not in FORMATS:
-        hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
-        raise ImuloopError(f"'{name}' is not a format{hint}")
+        raise ImuloopError(f"'{name}' is not a format{nearest(str(name), FORMATS)}")
     form = FORMATS[name]
     wanted = PAIR if {*paths} == {*PAIR} or name == "imu_tk" else ("log",)
     if {*paths} != {*wanted}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(wanted)}, given {' and '.join(paths)}"
         )
-    if wanted is PAIR:
-        form = replace(form, read=partial(tables.read_pair, form.read))
-    if not form.folder and (folders := [path for path in paths.values() if Path(path).is_dir()]):
-        raise ImuloopError(f"{folders[0]} is a folder, not a file")
-    return name, form
+    for path in paths.values():
+        if not form.folder and Path(path).is_dir():
+            raise ImuloopError(f"{path} is a folder, not a file")
+    read = partial(read_whole, name, form)
+    return name, replace(form, read=partial(tables.read_pair, read) if wanted is PAIR else read)
 
 
 def no_log(path):

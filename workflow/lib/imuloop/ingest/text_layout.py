@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
@@ -99,14 +98,8 @@ def find_layout(source, least=LEAST):
     if (separator == BLANKS and not any(guess(comment).values())) or any(map(is_number, comment)):
         comment = []
     options = (labels if rewrites else (), *header[:1], comment)
-    names, units = next((each for each in options if len(each) == width), None), []
-    for more in header[1:]:
-        if any(stated_unit(quantity, text) for quantity in SENSORS for text in more):
-            units = [*more, *[""] * arrow]
-        elif {*AXES} <= {end.lower() for text in more for end in (text[:1], text[-1:])}:
-            # a name above several columns is that of each
-            above = pd.Series(names).replace("", None).ffill().fillna("")
-            names = [f"{name} {part}".strip() for name, part in zip(above, more, strict=True)]
+    names = next((each for each in options if len(each) == width), None)
+    units = next(filter(_are_units, header[1:]), [])
     if arrow:
         # the time becomes the last column
         rewrites.append((_ARROW, rb"\2" + separator.encode() + rb"\1"))
@@ -122,10 +115,15 @@ def find_layout(source, least=LEAST):
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:start]),
         before=rows[: (top or [first])[0]],
-        units=units,
+        units=[*units, *[""] * arrow] if units else [],
         rewrites=rewrites,
         rows=rows[begin:],
     )
+
+
+def _are_units(fields):
+    """Tell whether one of the fields is a unit of a sensor."""
+    return any(stated_unit(quantity, text) for quantity in SENSORS for text in fields)
 
 
 def _opened(source):
