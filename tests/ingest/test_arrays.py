@@ -202,7 +202,7 @@ def test_dates_crop_and_missing_temperatures_stay_missing(log, run, tmp_path):
     np.testing.assert_array_equal(done.samples.temperature.isna(), log.index == 9)
 
 
-NO_MATLAB = "^the file is no MATLAB file of version 5 or 7.3"
+NO_MATLAB = "^the file is not a MATLAB file of version 5 or 7.3"
 TIMETABLE = "T is a MATLAB timetable, which only MATLAB reads: save its columns as variables"
 MIXED = ["angular_velocity.x", "angular_velocity.y", "magnetic_density.z"]
 NONE = "^the file has no variables of numbers over time"
@@ -223,7 +223,7 @@ REFUSED = {
     "octave.mat": (content(b"# Created by Octave 9\n"), {}, False, "save with -v7"),
     "nothing.mat": (content(b"MATLAB 5.0".ljust(124) + b"\0\1IM"), {}, False, NONE),
     **{f"{date}.nc": (partial(netcdf, units=f"days since {date}"), {}, False,
-                      f"the stamps, days since {date}, are no dates of the years")
+                      f"the stamps, days since {date}, are not dates of the years")
        for date in ("0001-13-45", "0001-01-01")},
     **{f"{unit}.nc": (partial(netcdf, units=unit), {}, True, r"units\.time: the log says 'fortn")
        for unit in ("fortnights", "fortnights since 2021-09-20")},
@@ -233,13 +233,13 @@ REFUSED = {
     "text.parquet": (partial(parquet, ax=["text"] * 500), {}, True, "'ax' holds .*, not numbers"),
     "lists.parquet": (partial(parquet, t=[[0.0]] * 500), {}, True, "column 't' holds .*stamps"),
     "two.parquet": (partial(parquet, names=["ax"]), {}, True, "both look .* number from 0 to 7"),
-    "metadata.parquet": (with_metadata(b"[]"), {}, False, "is no whole file"),
+    "metadata.parquet": (with_metadata(b"[]"), {}, False, "is damaged, or not of the format"),
     # in g gravity does not tell, as 1 is the size of many things
     **{f"{how}.{end}": (partial(matrix, save=save, **more), {}, True, line)
        for save, end in ((np.save, "npy"), (matlab_5, "mat"))
        for how, more, line in (("g", {"unit": 9.80665}, "no header, 7 columns"),
                                ("wide", {"wide": True}, r"10 columns.*, such as \[1, 2, 3\]"))},
-    "torn.parquet": (content(b"PAR1 and then nothing"), {}, False, "is no whole file"),
+    "torn.parquet": (content(b"PAR1 and nothing"), {}, False, "is damaged, or not of the format"),
     "large.parquet": (partial(parquet, t=LARGE), {}, False, r"stamps of 2\^63 and more are not"),
 }  # fmt: skip
 

@@ -81,7 +81,7 @@ def spoilt(path):
     path.write_bytes(content[:half] + bytes(400) + content[half + 400 :])
 
 
-BROKEN, TOO_MUCH = "is no whole file of the format", "more than 200 times"
+BROKEN, TOO_MUCH = "is damaged, or not of the format", "more than 200 times"
 DOCUMENT, LFS = "the file is one JSON document", "is a pointer of Git LFS"
 SHEET, TABLES = "the file is a spreadsheet", "export an SQLite database of another kind as CSV"
 CASES = {

@@ -335,7 +335,7 @@ def corrected(log, about=("android", "false"), scale=1.0, **named):
 
 ONLY = {"AccelerometerUncalibrated": None, "GyroscopeUncalibrated": None, "Gyroscope": RATE}
 TOTAL = {**ONLY, "TotalAcceleration": FORCE}
-IOS, G = "the sign of iOS is turned into that of specific force", -1 / STANDARD_GRAVITY
+IOS, G = "iOS logs the opposite of specific force: its sign is turned", -1 / STANDARD_GRAVITY
 # what is in the zip, what is declared, and what is said
 PHONES = {
     **{f"phyphox {separator!r}": (

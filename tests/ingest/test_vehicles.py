@@ -260,7 +260,7 @@ ROW = {"log.ulg": 3 + 2 + 8 + 6 * 4, "log.bin": written.packed(MESSAGE[0]).size}
     ("write", "line"),
     [
         (combined, "the file ends inside a message: the log was cut off"),
-        (lambda f, log: dataflash(f, ("IMU", MESSAGE, imu(log))), "bytes are no message"),
+        (lambda f, log: dataflash(f, ("IMU", MESSAGE, imu(log))), "bytes belong to no message"),
     ],
 )
 def test_a_log_cut_off_is_read_up_to_there(single, run, tmp_path, write, line):
@@ -306,7 +306,7 @@ def test_damage_to_a_dataflash_log_costs_its_rows(single, run, tmp_path):
     # the row before the damage is whole: a header follows it
     rows = np.r_[0:250, 250 + lost : 500]
     np.testing.assert_array_equal(done.samples.az, single.az.to_numpy(float)[rows])
-    assert f"{lost * row} of {len(content)} bytes are no message" in done.quality["warnings"]
+    assert f"{lost * row} of {len(content)} bytes belong to no message" in done.quality["warnings"]
     # a message of an unknown number; and an instance that is there once is no second sensor
     at = len(content) - 100 * row + 2
     for place, value, bad in ((at, b"\x11", 0), (at + 9, b"\x4d", 1)):
@@ -338,7 +338,7 @@ def test_a_bag_cut_off_is_rejected_with_what_mends_it(log, run, tmp_path, kind):
     for share in (0.0, 0.0001, 0.3, 0.99):
         path.write_bytes(whole[: int(share * len(whole))])
         [reason] = run(path).quality["reasons"]
-        mended = r"no whole file of .*, with rosbag reindex, sqlite3 with .recover, or mcap recover"
+        mended = r"damaged, .*, with rosbag reindex, sqlite3 with .recover, or mcap recover"
         assert re.match(rf"log.{kind} is (neither|{mended})", reason)
 
 
@@ -381,8 +381,8 @@ TWO_KINDS = "IMU is defined twice, with other fields: the log is of two kinds"
 NO_STREAM = {"angular_rate": "/gyro"}
 # how to write it, what is declared, whether that is at fault, and the line
 REFUSED = {
-    "a bag without its file": (without("log.mcap"), {}, False, "log is no whole file of .*Reader"),
-    "no metadata": (without("metadata.yaml", "a: b"), {}, False, "log is no whole file of .*Read"),
+    "a bag without its file": (without("log.mcap"), {}, False, "log is damaged, .*Reader"),
+    "no metadata": (without("metadata.yaml", "a: b"), {}, False, "log is damaged, .*Reader"),
     "a false definition": (false_definition, {}, False, f"/b: its {IMU} is not the one that ROS"),
     "no such topic": (bag, NO_STREAM, True, "no stream '/gyro'; there are /imu"),
     "a topic that is lost": (cut, {"angular_rate": "sensor_gyro_9"}, False,

@@ -28,7 +28,7 @@ _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
 # fields by which SciPy gives an object of MATLAB, and why it is not read
 _OBJECT = ("s0", "s1", "s2", "arr")
 _OF_MATLAB = "a MATLAB {}, which only MATLAB reads: save its columns as variables"
-# first bytes of a MATLAB file: HDF5 begins behind 512 of its own
+# first bytes of a MATLAB file: HDF5 begins after 512 bytes of MATLAB's text
 _HEAD = 1024
 
 
@@ -50,7 +50,7 @@ def read_feather(paths, columns=None):
 
 
 def _arrow_log(schema, read, columns):
-    """Return the RawLog of a table; ``read(columns=names)`` gives those of its columns.
+    """Return the RawLog of a table, of which ``read(columns=names)`` gives columns by name.
 
     ``simulated`` and ``units`` of the project's metadata in the `schema` are passed on.
     """
@@ -93,7 +93,7 @@ def _columns(arrays):
     """Return name -> column, shape (n,), of arrays by name: the longer side of a matrix is time."""
     series = {}
     for name, array in arrays.items():
-        # what an archive holds beside arrays is bytes
+        # other members of an archive are bytes
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biufM":
             continue
         rows = np.atleast_2d(array)
@@ -118,7 +118,7 @@ def _log(arrays, columns, units=None):
     columns : dict
         As declared; a sensor may also be the name of one array.
     units : dict, optional
-        Name of an array to what the file says of its unit.
+        Name of an array to its unit as the file writes it.
     """
     series, units = _columns(arrays), units or {}
     unread = [f"{one_line(name)} is {why}" for name, why in arrays.items() if isinstance(why, str)]
@@ -156,9 +156,9 @@ def _log(arrays, columns, units=None):
 
 
 def _of_one_length(series, chosen):
-    """Return the names of the columns that are as long as those of the sensors.
+    """Return the names of the columns that are as long as the sensors' columns.
 
-    Without sensors they are as long as those of a reference, else as the time.
+    Without sensors a reference's columns give the length, else the time does.
     """
     names, raw = [*series], chosen.raw()
     asks = ([names[raw[key]] for key in keys if key in raw] for keys in (CHANNELS, chosen.others))
@@ -190,14 +190,15 @@ def _column(values, text):
         origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns")
         dates = origin + pd.to_timedelta(data, unit=unit)
     except (ValueError, OverflowError) as error:
-        raise RejectedLog(f"the stamps, {text}, are no dates of the years {YEARS}") from error
+        raise RejectedLog(f"the stamps, {text}, are not dates of the years {YEARS}") from error
     return pa.array(dates.tz_convert(None), mask=mask)
 
 
 def _seven(series):
     """Return the columns of a matrix of seven, time first: gravity is in one of two triples.
 
-    Empty if the first column is no time, or if gravity, in m/s^2, is in none or both.
+    The result is empty if the first column is not a time, or if gravity, in m/s^2, is not in
+    exactly one of the triples.
     """
     if len(series) != 1 + 2 * len(AXES):
         return {}
@@ -246,9 +247,9 @@ def read_matlab(paths, columns=None):
     if head[126:128] in (b"IM", b"MI"):
         return _log(_matlab_5(path), columns)
     if not head or b"\0" in head:
-        raise RejectedLog("the file is no MATLAB file of version 5 or 7.3")
+        raise RejectedLog("the file is not a MATLAB file of version 5 or 7.3")
     log = delimited.read(paths, columns)
-    log.notes.append("the file is text, no MATLAB file: read as a table")
+    log.notes.append("the file is text, not MATLAB's: read as a table")
     return log
 
 
@@ -312,7 +313,7 @@ def read_netcdf(paths, columns=None):
 
 
 def _check_announced(path, arrays, size):
-    """Refuse arrays whose announced size is too large, whatever is in the file."""
+    """Refuse arrays whose announced size is too large for the file."""
     held = sum(x.nbytes for x in arrays.values() if isinstance(x, np.ndarray))
     check_unpacked(os.path.getsize(path), held + size)
 
@@ -332,7 +333,7 @@ def _datasets(group, prefix="", met=None):
         kind = group.id.links.get_info(key.encode(errors="surrogateescape")).type
         if kind == h5py.h5l.TYPE_SOFT:
             continue
-        # all other kinds of links, those of a user's own too, lead out of the file
+        # all other kinds of links, a user's kinds too, lead out of the file
         item = group[key] if kind == h5py.h5l.TYPE_HARD else None
         if item is None or getattr(item, "external", None) or getattr(item, "is_virtual", False):
             raise RejectedLog(

@@ -44,7 +44,7 @@ def read_whole(name, form, paths, columns=None):
             f"'.[{name}]'"
         ) from error
     except Exception as error:
-        # a lack of memory is no other fault: a damaged file may announce any size
+        # a damaged file may announce any size, so that the memory lacks room for it
         why = f"{type(error).__name__}: {error}".replace(str(path), "the file")
-        what = f"{path.name} is no whole file of the format {name}"
+        what = f"{path.name} is damaged, or not of the format {name}"
         raise RejectedLog(f"{what} ({one_line(why)[:150]}): {form.remedy}") from error

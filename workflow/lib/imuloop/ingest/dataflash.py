@@ -62,13 +62,13 @@ def read(paths, columns=None):
 
 
 def _define(known, name, *definition):
-    """Put what a message is into `known`; refuse one that is defined twice, otherwise."""
+    """Add the definition of a message to `known`; refuse a second one that differs."""
     if known.setdefault(name, definition) != definition:
         raise RejectedLog(f"{name} is defined twice, with other fields: the log is of two kinds")
 
 
 def _binary(data, wanted):
-    """Return name -> fields of the messages whose names match a pattern, 0, and what is damaged."""
+    """Return name -> fields of the messages whose names match a pattern, 0, and lines on damage."""
     lengths, kinds, known = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
         name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
@@ -84,7 +84,7 @@ def _binary(data, wanted):
     for name, definition in known.items():
         rows = spans[np.isin(found, kinds[name]), 0]
         messages[name] = _fields(data, rows, *definition)
-    return messages, 0, [f"{unknown} of {len(data)} bytes are no message"] * bool(unknown)
+    return messages, 0, [f"{unknown} of {len(data)} bytes belong to no message"] * bool(unknown)
 
 
 def _fields(data, rows, size, codes, names):
@@ -105,7 +105,7 @@ def _text(data, wanted):
     """Return name -> fields of the messages whose names match a pattern, the bad rows, and []."""
     known, messages = {}, {}
     *lines, rest = data.decode(errors="replace").split("\n")
-    # where the log was cut off, nobody knows whether its last number is whole
+    # where the log was cut off, its last number may not be whole
     bad = int(bool(rest.strip()))
     for line in lines:
         name, *values = (value.strip() for value in line.split(","))

@@ -17,7 +17,7 @@ from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_array
-from imuloop.ingest.tables import doubles, multiplied, read_pair, table_log
+from imuloop.ingest.tables import doubles, read_pair, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
     COMMENT,
@@ -47,7 +47,7 @@ _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for 
 def read(paths, columns=None):
     """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
 
-    Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
+    In a sensor's folder of an EuRoC recording, ``imu0``, the table is a file, whose header gives
     names and units.
     """
     path = paths["log"]
@@ -65,8 +65,7 @@ def read(paths, columns=None):
     notes = [f"{skipped} line(s) before the table skipped"] if skipped and not nominal else []
     held = text_columns(path, layout, [*chosen.raw().values()], count, chosen.stamps())
     known = {"units": units, "nominal": nominal, "notes": notes}
-    log = table_log(layout.names, chosen, held, layout.headed, **known)
-    log.batch = multiplied(log.batch, tick)
+    log = table_log(layout.names, chosen, held, layout.headed, tick, **known)
     log.lose(count)
     if isinstance(at := chosen.time, int) and log.batch[STAMP].null_count == log.batch.num_rows:
         for text in (row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING):
@@ -99,7 +98,7 @@ def _by_sensor(source, layout):
     parts, header = {}, [layout.separator.join(layout.names)] * layout.headed
     for quantity in SENSORS:
         names = [name for name in rows if named_sensor(name) == quantity]
-        # what the phone has not corrected goes first
+        # uncalibrated values go first
         names = [name for name in names if "uncal" in name.lower()] or names
         if len(names) != 1:
             return {}
@@ -166,21 +165,21 @@ def text_columns(source, layout, positions, log, stamps):
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
     if stamps and all(column.null_count for column in columns):
-        # rows without a stamp and any value are none, as below the last one of a shorter sensor
+        # drop rows without a stamp and any value, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
         columns = [column.filter(held) for column in columns]
     return [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
 
 
 def _stamp_kind(layout, at):
-    """Return the type of stamps by the first rows: int64, float64, or text of what is no number."""
+    """Return the type of stamps by the first rows: int64, float64, or text for dates."""
     texts = [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
     kind = stamp_array(pa.array(texts, pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 
 def _parsed(text, layout, positions, kinds, block):
-    """Return columns of these types of a text, and the lines that are no row."""
+    """Return columns of these types of a text, and the lines that are not rows."""
     lost, names = [], [str(i) for i in positions]
     every, block = [str(i) for i in range(len(layout.names))], min(block, np.iinfo(np.int32).max)
     reading = pyarrow.csv.ReadOptions(column_names=every, block_size=block, use_threads=False)
@@ -210,7 +209,7 @@ def _check_headers(names, columns):
 
 
 def _numbers(text):
-    """Return a column of text as float64; what is no number becomes NaN."""
+    """Return a column of text as float64; other text than numbers becomes NaN."""
     try:
         return doubles(text)
     except pa.ArrowInvalid:
@@ -218,5 +217,5 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return how many bytes of a text can hold anything: no zeros, erased memory or blanks."""
+    """Return the number of bytes of a text but zeros, erased memory and blanks."""
     return len(text) - text.count(_EMPTY) - text.count(b" ")

@@ -21,9 +21,9 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and what its files are called.
 
-    ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and what the config
-    says of columns. It raises ImuloopError where a declaration does not fit, RejectedLog for a
-    broken file. `endings` are those of file names, lower case, `starts` the first bytes of files,
+    ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and the columns as
+    declared. It raises ImuloopError where a declaration does not fit, RejectedLog for a
+    broken file. `endings` end file names, in lower case, `starts` the first bytes of files,
     whatever their name; a `folder` may be read. `remedy` says what to do with a broken file.
     """
 
@@ -97,7 +97,7 @@ def find_format(name, paths):
 
 
 def no_log(path):
-    """Return why a file that begins like this is a log of no format, or None."""
+    """Return the reason if a file that begins like this is a log of no format, else None."""
     head = _head(path)
     return next((why for start, why in _NO_LOGS.items() if head.startswith(start)), None)
 

@@ -13,15 +13,15 @@ from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, unpacked
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
-# rows whose names are those of the table, and the deepest object in them
+# rows whose names the table has, and the deepest object in them
 _NAMED, _DEEPEST = 1000, 4
 
 
 def read(paths, columns=None):
     """Read JSON lines; a compressed file is unpacked.
 
-    The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
-    Columns are the members of the first rows; a line that is no object is a bad line.
+    The members of an object in an object are `OBJECT.MEMBER`, the members of a list `LIST[0]` and
+    on. Columns are the members of the first rows; any other line than an object is a bad line.
     """
     path = paths["log"]
     lines = unpacked(path).splitlines()

@@ -35,13 +35,14 @@ _WITH_GRAVITY = {"accelerometeruncalibrated": "g", "totalacceleration": "m/s^2"}
 def read(paths, columns=None):
     """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
-    What the phone has not corrected goes before what it has. Acceleration without gravity is never
-    taken by itself. `columns` names a file without the ending .csv, or three of ``FILE.COLUMN``.
+    Uncalibrated values go before those that the phone has corrected. Acceleration without gravity
+    is never taken by itself. `columns` names a file without the ending .csv, or three of
+    ``FILE.COLUMN``.
     """
     texts, facts, clock = _texts(paths["log"])
     tables = {}
     for name, text in texts.items():
-        # notes of the user and headers without rows are no tables
+        # notes of the user and headers without rows are not tables
         with suppress(RejectedLog):
             tables[name] = find_layout(text)
     logger = any("seconds_elapsed" in table.names for table in tables.values())
@@ -57,7 +58,7 @@ def read(paths, columns=None):
     if logger and facts.get("platform") == "ios" and facts.get("standardisation") != "true":
         unit = _WITH_GRAVITY.get(chosen.get("acceleration", "").lower())
     if unit:
-        notes.append("the sign of iOS is turned into that of specific force")
+        notes.append("iOS logs the opposite of specific force: its sign is turned")
         axes = columns.get("acceleration") or AXES
         columns["acceleration"] = [f"-{axis}".replace("--", "") for axis in axes]
 
@@ -77,9 +78,9 @@ def read(paths, columns=None):
 
 
 def _texts(path):
-    """Return what a zip holds: text tables by name, facts about the recording, and its clock.
+    """Return the text tables of a zip by name, facts about the recording, and its clock.
 
-    A CSV goes without its ending. Facts are those of Sensor Logger's Metadata.csv, in lower case;
+    A CSV goes without its ending. Facts come from Sensor Logger's Metadata.csv, in lower case;
     the clock is phyphox's meta/time.csv.
     """
     texts, about = {}, {"Metadata": b"", "time": b""}
@@ -110,7 +111,7 @@ def _usual(quantity, tables, logger):
         sensors = {q for q, usual in guess(header).items() if q in SENSORS and usual}
         if len(sensors) < 2:
             sensors = {named_sensor(" ".join([name, *header]))}
-        # that of Sensor Logger is without gravity
+        # in Sensor Logger's gravity is left out
         if quantity in sensors and not (logger and name.lower() == "accelerometer"):
             found.append(name)
     return [name for name in found if "uncal" in name.lower()] or found

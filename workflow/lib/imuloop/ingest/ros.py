@@ -38,7 +38,7 @@ _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "tempe
 def read(paths, columns=None):
     """Read the topics of inertial messages of a bag.
 
-    The stamps are those of the headers in ns, or the times of receipt if a topic's headers never
+    The stamps come from the headers in ns, or are the times of receipt if a topic's headers never
     change. `columns` names topics, or ``TOPIC.FIELD``.
     """
     path, topics, notes, lost = Path(paths["log"]), {}, [], []

@@ -64,8 +64,8 @@ def rates(increments, interval, ticks_per_s=1):
 def raw_log(streams, columns=None, notes=(), damage=()):
     """Return the RawLog of the streams that hold acceleration and angular rate.
 
-    `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. The
-    usual names of fields find what is left out, in streams that measure anything. A time or
+    `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. Other
+    quantities are found by the usual names of fields, in streams that measure anything. A time or
     temperature of None counts as not logged. If the log lacks a quantity and `damage` says that
     something was lost, the data are at fault, not the config.
     """
@@ -102,7 +102,7 @@ def raw_log(streams, columns=None, notes=(), damage=()):
     logs, whose = {}, chosen | {"temperature": warm}
     declared = {q: columns[q] for q in (*SENSORS, "temperature", "time") if q in columns}
     for name in used + thermometers:
-        # what is declared of another stream is not logged in this one
+        # a quantity that is declared of another stream is not logged in this one
         others = {quantity: None for quantity, owns in whose.items() if owns not in (None, name)}
         logs[name] = streams[name].log(declared | others)
     for quantity, name in chosen.items():
@@ -124,7 +124,7 @@ def names_in(columns):
 def choose(columns, tables, usual, bare=False):
     """Return sensor -> name of its table, from those declared, else from the `usual` ones.
 
-    A table that holds both sensors goes before those of one. Parameters are as in `owner`.
+    A table that holds both sensors goes before tables of one. Parameters are as in `owner`.
     """
     found = {}
     for quantity in SENSORS:

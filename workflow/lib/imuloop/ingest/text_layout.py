@@ -12,7 +12,7 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# how much of a file is looked at to find its layout, bytes; what has no line end in it is no table
+# bytes of a file that show its layout; without a line end in them the file is not a table
 LONGEST_LINE = 1 << 16
 # rows by which a separator is judged, at least
 _JUDGED = 64
@@ -23,7 +23,7 @@ COMMENT = re.compile(r"\s*(#|%|//)+\s*")
 LEAST = len(AXES)
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
-# what a serial monitor puts before each line: its time of the day
+# a serial monitor puts its time of the day before each line
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
@@ -46,7 +46,7 @@ class Layout:
 
     `separator` is a comma, tab, semicolon, bar, or a blank that stands for any number of blanks;
     `names` are numbers where the file has none (`headed`); rows begin at the byte `start`, `before`
-    are the fields of lines before header and rows; `units` are those of a row below the header,
+    are the fields of lines before header and rows; `units` are in a row below the header,
     else empty; `rows` are the fields of the first rows. In all lines each pattern of `rewrites`
     gives place to its replacement, in this order: a decimal comma becomes a point, and blanks that
     follow each other a tab.
@@ -103,7 +103,7 @@ def find_layout(source, least=LEAST):
     if arrow:
         # the time becomes the last column
         rewrites.append((_ARROW, rb"\2" + separator.encode() + rb"\1"))
-    # the point of a date is not that of the numbers beside it
+    # the point of a date is not the point of numbers in other columns
     numbers = [x for row in rows[begin:] for x in row if is_number(x) and not _DATE.match(x)]
     if any("," in x for x in numbers) and not any("." in x for x in numbers) and separator != ",":
         rewrites.append((b",", b"."))
@@ -161,7 +161,7 @@ def _separator(rows, least, json):
     for separator in _SEPARATORS if rows else ():
         table = [fields_of(row, separator) for row in rows]
         width, alike = Counter(map(len, table)).most_common(1)[0]
-        # rows of several kinds, each with a number of its own fields, are a table too
+        # rows of several kinds, which differ in their number of fields, are a table too
         long = [row for row in table if len(row) >= least]
         given = [text for row in long for text in row if text]
         numeric = sum(map(is_number, given)) / max(1, len(given)) * len(long) / len(rows)
