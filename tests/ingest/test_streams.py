@@ -1,5 +1,7 @@
 """Several tables or streams in a log: which hold the sensors, and how they come onto one clock."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -213,20 +215,17 @@ def apart(log):
 
 def pair(folder, log, form):
     """Write a file of each sensor, and return their paths."""
-    paths = [folder / f"{name}.{'parquet' if form == 'parquet' else 'txt'}" for name in "ab"]
+    paths = [folder / f"{name}.{form}" for name in "ab"]
     for path, table, unit in zip(paths, apart(log), ("m/s²", "rad/s"), strict=True):
-        ms = (1000 * table.t).round(3)
         if form == "parquet":
             table.to_parquet(path)
-            continue
-        if form == "axes":
-            names = ["elapsed (ms)", *(f"{a}-axis ({unit})" for a in "xyz")]
-            table = table.assign(t=ms).set_axis(names, axis=1).assign(pressure=1013.0)
-        elif form == "declared":
-            table = table.assign(u=1.0, v=2.0, w=3.0)
-            if unit == "rad/s":
-                table = table.assign(t=ms).rename(columns={"t": "t (ms)"})
-        path.write_text(text(table, header=form != "headless", sep=" ,"[form != "headless"]))
+        elif form == "txt":
+            path.write_text(text(table, header=False, sep=" "))
+        else:
+            # one file in s, with names that are declared; the other in ms
+            ms = {"t": "t (ms)"} if unit == "rad/s" else {}
+            table = table.assign(t=table.t * 1000 if ms else table.t, u=1.0, v=2.0, w=3.0)
+            path.write_text(text(table.rename(columns=ms)))
     return paths
 
 
@@ -241,18 +240,16 @@ def in_zip(folder, log, count):
     return [zipped(folder, members | {"rec/notes.md": "at noon"})]
 
 
-def rows_of_each(folder, log, comments):
-    every, names, tables = ["sensor,time,x,y,z"], ("accelerometer", "gyroscope"), apart(log)
-    if comments:
-        names = ("UncalAccel", "UncalGyro")
-        every = ["# Fix,provider,time"]
-        every += ["# UncalAccel,elapsedRealtimeNanos,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2"]
-        every += ["# UncalGyro,elapsedRealtimeNanos,GyroXRadPerSec,GyroYRadPerSec,GyroZRadPerSec"]
-        force, rate = (x.assign(t=(1e9 * x.t).round().astype(int)) for x in tables)
-        tables = force.assign(bias=0.0), rate
-    for both in zip(*(lines(each, header=False) for each in tables), strict=True):
-        every += [f"{name},{row}" for name, row in zip(names, both, strict=True)]
-        every += ["Fix,gps,1"] * comments
+def rows_of_each(folder, log):
+    """Rows of both sensors in turn, with names and with comments that name their columns."""
+    every = ["# Fix,provider,time"]
+    every += ["# UncalAccel,elapsedRealtimeNanos,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2"]
+    every += ["# UncalGyro,elapsedRealtimeNanos,GyroXRadPerSec,GyroYRadPerSec,GyroZRadPerSec"]
+    force, rate = (x.assign(t=(1e9 * x.t).round().astype(int)) for x in apart(log))
+    tables = {"UncalAccel": force.assign(bias=0.0), "UncalGyro": rate}
+    for rows in zip(*(lines(table, header=False) for table in tables.values()), strict=True):
+        every += [f"{name},{row}" for name, row in zip(tables, rows, strict=True)]
+        every.append("Fix,gps,1")
     (folder / "log.txt").write_text("\n".join(every))
     return [folder / "log.txt"]
 
@@ -260,23 +257,20 @@ def rows_of_each(folder, log, comments):
 XYZ = {"columns": {"acceleration": [*"xyz"], "angular_rate": [*"xyz"]}}
 # how the two are written, what is declared, the unit of time and its column
 APART = {
-    **{f"two files, {form}": (pair, form, {}, "s", time)
-       for form, time in (("parquet", "t"), ("headless", "0"))},
-    "two files, axes": (pair, "axes", {}, "ms", "elapsed (ms)"),
-    "two files, two units": (pair, "declared", XYZ, "ns",
+    "two files, parquet": (partial(pair, form="parquet"), {}, "s", "t"),
+    "two files, headless": (partial(pair, form="txt"), {}, "s", "0"),
+    "two files, two units": (partial(pair, form="csv"), XYZ, "ns",
                              {"acceleration": "t", "angular_rate": "t (ms)"}),
-    "one table in a zip": (in_zip, 1, {}, "s", "t"),
-    "two tables in a zip": (in_zip, 2, {}, "s", "0"),
-    "rows of each": (rows_of_each, False, {}, "s", "time"),
-    "rows of each, comments": (rows_of_each, True, {}, "ns", "elapsedRealtimeNanos"),
+    "one table in a zip": (partial(in_zip, count=1), {}, "s", "t"),
+    "two tables in a zip": (partial(in_zip, count=2), {}, "s", "0"),
+    "rows of each": (rows_of_each, {}, "ns", "elapsedRealtimeNanos"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", APART)
 def test_sensors_apart_are_one_log(log, run, tmp_path, name):
-    write, how, declared, unit, time = APART[name]
-    paths = write(tmp_path, log, how)
-    done = run(*paths, **declared)
+    write, declared, unit, time = APART[name]
+    done = run(*write(tmp_path, log), **declared)
     assert done.quality["status"] == "ok", done.quality["reasons"]
     assert 480 <= len(done.samples) <= len(log) and 4.9 < done.quality["duration_s"] < 5
     # those of the sensor whose clock is the log's are as they were logged

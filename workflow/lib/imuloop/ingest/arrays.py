@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
-from imuloop.core.samples import CHANNELS, own_metadata, refuse_calibrated
+from imuloop.core.samples import TEMPERATURE, own_metadata, refuse_calibrated
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import STAMP, resolve
@@ -156,13 +156,9 @@ def _log(arrays, columns, units=None):
 
 
 def _of_one_length(series, chosen):
-    """Return the names of the columns that are as long as the sensors' columns.
-
-    Without sensors a reference's columns give the length, else the time does.
-    """
+    """Return the names of the columns that are as long as the columns of sensors or reference."""
     names, raw = [*series], chosen.raw()
-    asks = ([names[raw[key]] for key in keys if key in raw] for keys in (CHANNELS, chosen.others))
-    asked = next(filter(None, asks), [names[at] for key, at in raw.items() if key == STAMP])
+    asked = [names[at] for key, at in raw.items() if key not in (STAMP, TEMPERATURE)]
     lengths = {len(series[name]): name for name in asked or names}
     if asked and len(lengths) > 1:
         both = " and ".join(f"{name} has {n} rows" for n, name in lengths.items())

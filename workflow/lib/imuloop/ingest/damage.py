@@ -44,7 +44,8 @@ def read_whole(name, form, paths, columns=None):
             f"'.[{name}]'"
         ) from error
     except Exception as error:
-        # a damaged file may announce any size, so that the memory lacks room for it
+        # a damaged file may announce any size
+        large = isinstance(error, MemoryError)
+        what = "does not fit the memory" if large else f"is damaged, or not of the format {name}"
         why = f"{type(error).__name__}: {error}".replace(str(path), "the file")
-        what = f"{path.name} is damaged, or not of the format {name}"
-        raise RejectedLog(f"{what} ({one_line(why)[:150]}): {form.remedy}") from error
+        raise RejectedLog(f"{path.name} {what} ({one_line(why)[:150]}): {form.remedy}") from error

@@ -45,11 +45,9 @@ def read(paths, columns=None):
     for name, fields in messages.items():
         found = _streams(name, fields)
         rows = sum(len(stream.stamps) for stream in found)
-        for stream in found:
-            if len(stream.stamps) >= _LEAST_SHARE * rows:
-                streams.append(stream)
-            else:
-                bad += len(stream.stamps)
+        sound = [stream for stream in found if len(stream.stamps) >= _LEAST_SHARE * rows]
+        bad += rows - sum(len(stream.stamps) for stream in sound)
+        streams += sound
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
     note = (

@@ -87,9 +87,7 @@ def raw_log(streams, columns=None, notes=(), damage=()):
     except Lacking as error:
         if not damage:
             raise
-        # the names of streams are enough
-        lacks = re.sub(r" \([^()]*\)", "", str(error))
-        raise RejectedLog(f"{lacks}; it may be lost to damage: {'; '.join(damage)}") from error
+        raise RejectedLog(f"{error}; it may be lost to damage: {'; '.join(damage)}") from error
     used = [*dict.fromkeys(chosen.values())]
     if not used:
         raise ImuloopError("no sensor: columns.acceleration and columns.angular_rate are null")

@@ -184,9 +184,8 @@ def decoded(line):
 
 def fields_of(line, separator):
     """Return the fields of a line, none where its quotes do not fit."""
-    if separator == BLANKS or '"' not in line:
-        # the csv module takes a line end or a zero otherwise than as a part of a field
-        return [field.strip() for field in line.split(separator.strip(" ") or None)]
+    if separator == BLANKS:
+        return line.split()
     try:
         [fields] = csv.reader([line], delimiter=separator, skipinitialspace=True)
     except (csv.Error, ValueError):
