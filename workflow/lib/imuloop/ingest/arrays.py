@@ -225,9 +225,7 @@ def read_numpy(paths, columns=None):
                 if "allow_pickle" not in str(error):
                     raise
                 tree[name] = "a pickled object, which is not loaded: save numbers"
-    # a table that is all of the file gives its columns no name
-    tables = [x for x in tree.values() if isinstance(x, np.ndarray) and x.dtype.names]
-    return _log(dict(_leaves({"": tables[0]} if len(tree) == len(tables) == 1 else tree)), columns)
+    return _log(dict(_leaves(tree)), columns)
 
 
 def read_matlab(paths, columns=None):

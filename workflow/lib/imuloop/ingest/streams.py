@@ -37,13 +37,14 @@ class Stream:
         return [*map(one_line, self.fields)]
 
     def measures(self, quantity):
-        """Return whether fields have the usual names of a quantity, and any value but zero.
+        """Return whether fields with the usual names of a quantity hold any value but zero.
 
         The result is None if no field has such a name.
         """
-        found = guess(self.names)[quantity]
-        values = [*self.fields.values()]
-        return any(np.any(values[at]) for at in np.ravel(found[0][0])) if found else None
+        zero = [
+            name for name, x in zip(self.names, self.fields.values(), strict=True) if not np.any(x)
+        ]
+        return not guess(zero)[quantity] if guess(self.names)[quantity] else None
 
     def log(self, columns):
         """Return the RawLog of the stream; `columns` are its own, as declared."""

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
@@ -64,11 +65,7 @@ class Layout:
 
 def find_layout(source, least=LEAST):
     """Return the layout of a text table of `least` columns or more (path or bytes)."""
-    try:
-        with _opened(source) as stream:
-            head = stream.read(LONGEST_LINE)
-    except OSError as error:
-        raise unreadable(error) from error
+    head = bytes(unpacked(source, LONGEST_LINE))
     # every second byte, or three of four
     if head[:256].count(0) > 0.4 * len(head[:256]):
         raise RejectedLog(_BINARY)
@@ -126,27 +123,22 @@ def _are_units(fields):
     return any(stated_unit(quantity, text) for quantity in SENSORS for text in fields)
 
 
-def _opened(source):
-    """Return the text of a file, unpacked, or of bytes, as a stream."""
-    stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
-    head = stream.read(max(map(len, _PACKINGS)))
-    stream.seek(0)
-    packing = next((name for magic, name in _PACKINGS.items() if head.startswith(magic)), None)
-    return pa.CompressedInputStream(stream, packing) if packing else stream
-
-
-def unpacked(source):
-    """Return all of the text of a file, unpacked, or of bytes."""
+def unpacked(source, most=None):
+    """Return the text of a file, unpacked, or of bytes: its first bytes, if `most` are wanted."""
     packed = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
     text = bytearray()
     try:
-        with _opened(source) as stream:
-            while part := stream.read(LONGEST_LINE):
+        stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
+        head = stream.read(max(map(len, _PACKINGS)))
+        stream.seek(0)
+        packing = next((name for start, name in _PACKINGS.items() if head.startswith(start)), None)
+        with pa.CompressedInputStream(stream, packing) if packing else stream as file:
+            while (part := file.read(LONGEST_LINE)) and len(text) < (most or np.inf):
                 text += part
                 check_unpacked(packed, len(text))
     except OSError as error:
         raise unreadable(error) from error
-    return text
+    return text[:most]
 
 
 def unreadable(error):
