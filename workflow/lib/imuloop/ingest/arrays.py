@@ -17,7 +17,7 @@ from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
-from imuloop.ingest.tables import HEAD_ROWS, table_log
+from imuloop.ingest.tables import HEAD_ROWS, stated_units, table_log
 
 # a matrix of samples has no more columns, nor a file of logs groups in each other: wider ones are
 # images or spectra, and libraries are slow or fail in deeper ones
@@ -140,14 +140,8 @@ def _log(arrays, columns, units=None):
     headed = names[0] != "0"
     names = _of_one_length(series, resolve(names, columns, headed))
     chosen = resolve(names, columns, headed)
-    stated = {}
-    for quantity, found in chosen.found(names).items():
-        said = {texts[name] for name in np.atleast_1d(found)} - {""}
-        if said and quantity != "pps" and not (quantity == "time" and _since(min(said))):
-            summed = quantity in chosen.increments
-            known = {stated_unit(quantity, text, summed) or text for text in said}
-            stated[quantity] = " and ".join(sorted(known))
-    held = [_column(series[names[i]], texts[names[i]]) for i in chosen.raw().values()]
+    held = [_column(series[names[i]]) for i in chosen.raw().values()]
+    stated = stated_units(chosen, [texts[name] for name in names])
     log = table_log(names, chosen, held, headed and not alone, notes=notes, units=stated)
     if unread:
         # a sensor that is not found may be in there
@@ -166,28 +160,12 @@ def _of_one_length(series, chosen):
     return [name for name in names if len(series[name]) == max(lengths)]
 
 
-def _since(text):
-    """Return the unit of pandas and the date of `seconds since 2024-01-01`, or None."""
-    match = _SINCE.fullmatch(text)
-    unit = match and ("D" if match[1].lower() in ("day", "days") else stated_unit("time", match[1]))
-    return (unit, match[2].replace("UTC", "").strip()) if unit else None
-
-
-def _column(values, text):
-    """Return a column of an array, which may be masked; dates if `text` is `seconds since ...`."""
+def _column(values):
+    """Return a column of an array, which may be masked."""
     data, mask = np.ma.getdata(values), np.ma.getmaskarray(values)
-    if not (since := _since(text)):
-        # Arrow has no longer numbers, and none of the other byte order
-        kind = data.dtype.newbyteorder("=") if data.dtype.itemsize <= 8 else float
-        return pa.array(data.astype(kind, copy=False), mask=mask)
-    unit, date = since
-    try:
-        origin = pd.Timestamp(date)
-        origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns")
-        dates = origin + pd.to_timedelta(data, unit=unit)
-    except (ValueError, OverflowError) as error:
-        raise RejectedLog(f"the stamps, {text}, are not dates of the years {YEARS}") from error
-    return pa.array(dates.tz_convert(None), mask=mask)
+    # Arrow has no longer numbers, and none of the other byte order
+    kind = data.dtype.newbyteorder("=") if data.dtype.itemsize <= 8 else float
+    return pa.array(data.astype(kind, copy=False), mask=mask)
 
 
 def _seven(series):
@@ -299,11 +277,28 @@ def read_netcdf(paths, columns=None):
                 _check_announced(path, arrays, float(variable.size) * variable.dtype.itemsize)
                 arrays[name] = variable[:]
                 units[name] = str(getattr(variable, "units", "")).strip()
+                if variable.ndim == 1 and (dates := _dates(arrays[name], units[name])) is not None:
+                    arrays[name], units[name] = dates, ""
         longest = max((max(array.shape) for array in arrays.values()), default=0)
         for name, array in arrays.items():
             if data[name].dimensions == (name,) and len(array) == longest:
                 columns = {"time": name} | (columns or {})
     return _log(arrays, columns, units)
+
+
+def _dates(values, text):
+    """Return values as dates if `text` is ``seconds since 2024-01-01``, else None."""
+    match = _SINCE.fullmatch(text)
+    unit = match and ("D" if match[1].lower() in ("day", "days") else stated_unit("time", match[1]))
+    if not unit:
+        return None
+    try:
+        origin = pd.Timestamp(match[2].replace("UTC", "").strip())
+        origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns")
+        dates = origin + pd.to_timedelta(np.ma.getdata(values), unit=unit)
+    except (ValueError, OverflowError) as error:
+        raise RejectedLog(f"the stamps, {text}, are not dates of the years {YEARS}") from error
+    return np.ma.array(dates.tz_convert(None).to_numpy(), mask=np.ma.getmaskarray(values))
 
 
 def _check_announced(path, arrays, size):

@@ -15,9 +15,9 @@ from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, unit_of
+from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor
 from imuloop.ingest.stamps import stamp_array
-from imuloop.ingest.tables import doubles, read_pair, table_log
+from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
     COMMENT,
@@ -113,11 +113,7 @@ def _scaled(layout, chosen):
     A row below the header may name the units, and lines above it scales. A unit that is a multiple
     of one of the library's is a count with that scale.
     """
-    units, below = dict(chosen.units), [f"[{text.strip('[]{} ')}]" for text in layout.units]
-    for quantity in ("time", *SENSORS, "temperature") if below else ():
-        if (at := getattr(chosen, quantity)) is not None:
-            unit = unit_of(quantity, at, below, quantity in chosen.increments)
-            units |= {quantity: unit} if unit else {}
+    units = chosen.units | (stated_units(chosen, layout.units) if layout.units else {})
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
     scales = {quantity: of for quantity, of in multiples.items() if of}
     said = {row[0]: row[1] for row in layout.before if len(row) == 2}

@@ -11,7 +11,7 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed
 from imuloop.ingest.join import SENSOR_OF, join
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import AXES, SENSORS, words_of
+from imuloop.ingest.spellings import AXES, SENSORS, unit_of, words_of
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -63,6 +63,16 @@ def table_log(names, chosen, columns, headed=True, tick=1, **known):
     if tick != 1 and at >= 0 and not pa.types.is_timestamp(log.batch[STAMP].type):
         log.batch = log.batch.set_column(at, STAMP, pc.multiply(log.batch[STAMP], tick))
     return _without_turns(log)
+
+
+def stated_units(chosen, texts):
+    """Return quantity -> unit of the chosen columns; `texts` are the units of all columns."""
+    # as in a column's name
+    names, units = [f"[{text.strip('[]{} ')}]" for text in texts], {}
+    for quantity in ("time", *SENSORS, "temperature"):
+        if (where := getattr(chosen, quantity)) is not None:
+            units[quantity] = unit_of(quantity, where, names, quantity in chosen.increments)
+    return {quantity: unit for quantity, unit in units.items() if unit}
 
 
 # stamps of a broken log can be of any size
