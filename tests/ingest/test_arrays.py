@@ -1,4 +1,4 @@
-"""What files of arrays hold beside one table of columns, and which are refused."""
+"""Files of arrays that hold more than one table of columns, and files that are refused."""
 
 import json
 import os
@@ -40,7 +40,7 @@ def parts(log, *names):
 
 
 def structs(path, log, save):
-    """Columns in structs, beside what is no column or of another length."""
+    """Columns in structs, with variables that are not columns or have another length."""
     acc, gyro = parts(log, "acc", "gyro").values()
     save(path, {
         "imu": {"acc": acc, "note": "still", "more": {"gyro": gyro}},
@@ -148,7 +148,7 @@ START, MOMENT = '"start": "2021-09-20T08:52:00Z"', '"start": "2024-03-01T12:00:0
 TABLE = "left out: T is a MATLAB table, which only MATLAB reads: save its columns as variables"
 SAVE = {"5": matlab_5, "73": matlab_73}
 EVERY = ["t", "acc", "gyro"]
-# by a name that ends as the file's: how to write it, what is declared, the scale of the rate, and
+# by a name that ends as the file's: how to write it, the declaration, the scale of the rate, and
 # what quality.json says
 READ = {
     **{f"structs {i}.mat": (partial(structs, save=x), IN_STRUCTS, 1) for i, x in SAVE.items()},
@@ -207,7 +207,7 @@ TIMETABLE = "T is a MATLAB timetable, which only MATLAB reads: save its columns 
 MIXED = ["angular_velocity.x", "angular_velocity.y", "magnetic_density.z"]
 NONE = "^the file has no variables of numbers over time"
 ALONE = f"no columns of acceleration found .*; {TIMETABLE}"
-# and what is refused: whether for what is declared, and the line
+# and refused files: whether the declaration is at fault, and the line
 REFUSED = {
     **{f"a timetable {i}.mat": (partial(beside_object, save=x, names=[], what="timetable"), {},
                                 False, f"{NONE}; {TIMETABLE}") for i, x in SAVE.items()},
@@ -279,7 +279,7 @@ def hdf5(path, log, way=None, other="AAAA", group="/"):
             file["around"], file["and_around"] = h5py.SoftLink("/and_around"), h5py.SoftLink("/ar")
             file["itself"] = file["/"]
         elif not matlab:
-            # a second name within the file is no way out
+            # a second name within the file does not lead out
             file.move("ax", "first")
             file["ax"] = h5py.SoftLink("/first")
     if matlab:

@@ -31,7 +31,7 @@ SIX = [*CHANNELS]
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """A way to write a log, and what is lost of it.
+    """A way to write a log, and the loss by it.
 
     `write(folder, stamps, values)` returns the path, or {role: path}; stamps are given in ns, and
     kept as `stamps` of them; values, force first, (n, 6), are kept as `values` of them.
@@ -56,7 +56,7 @@ def as_type(kind):
 
 
 def as_text(digits):
-    """Numbers as float64 nearest to what is written."""
+    """Numbers as float64 nearest to the text."""
     return np.vectorize(lambda x: float(digits(x)), otypes=[float])
 
 
@@ -69,7 +69,7 @@ def whole(kind):
 
 # --- text
 
-# halfway between two float64, and a little beside; longer than any float64; the ends of their range
+# halfway between two float64, and a little off; longer than any float64; the ends of their range
 AWKWARD = """
     1.00000000000000011102230246251565404236316680908203125
     1.00000000000000011102230246251565404236316680908203124

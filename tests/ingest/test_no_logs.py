@@ -1,4 +1,4 @@
-"""Files that are no log of any format: the true cause, in one line, and what to do."""
+"""Files that are not logs of any format: the true cause, in one line, and what to do."""
 
 import json
 import sqlite3

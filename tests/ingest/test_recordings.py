@@ -73,7 +73,7 @@ def test_a_measured_recording_comes_back(measured, device):
         assert turns_agree_with_gravity(quality)
 
 
-# in seconds it would be a log of 135 years; the published rate is twice the rate of the turns
+# in seconds it would be a log of 135 years; the published rate is twice the turns' rate
 WRONG = [
     ("thermal_chamber", {"units": {"time": "s"}}, ""),
     ("ferraris", {"rate": 204.8}, "the log's rate is off by as much"),
@@ -92,7 +92,7 @@ ADIS = {"units": {"acceleration": "g", "angular_rate": "deg/s"}, "rate": 100}
 SIX = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
 BROAD = {"columns": {"acceleration": "imu_acc", "angular_rate": "imu_gyr"}, "rate": 285.714}
 INCREMENTS = {"columns": {"time": 0, "angular_rate": [1, 2, 3], "acceleration": [4, 5, 6]}}
-# file, what is declared, and the reason if it is rejected: a whole file as a logger writes it
+# file, the declaration, and the reason if it is rejected: a whole file as a logger writes it
 STATIC = {
     "adis_16405_imu1.parquet": (ADIS, None),
     "imu1.log": ({"columns": SIX, "rate": 100}, "in 22 attitudes"),

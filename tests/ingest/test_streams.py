@@ -53,9 +53,9 @@ TWO = [stream(), stream("two", ["lx", "ly", "lz", "rx", "ry", "rz"])]
 FROM_IMU = {"acceleration": [f"imu.{a}" for a in ACC], "angular_rate": [f"imu.{g}" for g in GYRO]}
 EMPTY = Stream("imu0", np.arange(ROWS) / 100, dict.fromkeys((*ACC, *GYRO), np.zeros(ROWS)))
 CHOSEN = [
-    # a stream of both sensors goes before those of one
+    # a stream of both sensors goes before streams of one
     ([stream("acc", ACC), stream(), stream("gyro", GYRO)], {}, FROM_IMU),
-    # one without rows, or with zeros alone, does not stand beside one that measures
+    # one without rows, or with zeros alone, does not compete with one that measures
     ([stream("imu0", stamps=NO_ROWS), stream()], {}, FROM_IMU),
     ([EMPTY, stream()], {}, FROM_IMU),
     # of clocks as fast the gyroscope's is taken
@@ -176,7 +176,7 @@ def test_a_temperature_of_a_slow_clock_is_interpolated_and_of_several_none_is_ta
 
 
 def in_turn(count=3000, rate=250.0, share=3, empty=np.nan, both=False):
-    """A table of which each row holds one sensor alone, or of which each so many hold the force."""
+    """A table of which each row holds one sensor alone, or of which every few hold the force."""
     log, force = brief(count), np.arange(count) % share == share - 1
     log["t"] = np.arange(count) / rate
     log.loc[~force, [*ACCELERATION]] = empty
@@ -191,7 +191,7 @@ def test_rows_of_two_sensors_in_turn_are_two_streams(run, empty):
     done = run(table)
     assert done.quality["status"] == "ok"
     assert "the rows hold the accelerometer and the gyroscope in turn" in done.quality["warnings"]
-    # those of the sensor whose clock is the log's are as they were logged
+    # the sensor whose clock is the log's keeps its values
     assert max(np.isin(done.samples[c], table[c]).mean() for c in ("ax", "gx")) == 1
 
 
@@ -255,7 +255,7 @@ def rows_of_each(folder, log):
 
 
 XYZ = {"columns": {"acceleration": [*"xyz"], "angular_rate": [*"xyz"]}}
-# how the two are written, what is declared, the unit of time and its column
+# how both are written, the declaration, the unit of time and its column
 APART = {
     "two files, parquet": (partial(pair, form="parquet"), {}, "s", "t"),
     "two files, headless": (partial(pair, form="txt"), {}, "s", "0"),
@@ -273,7 +273,7 @@ def test_sensors_apart_are_one_log(log, run, tmp_path, name):
     done = run(*write(tmp_path, log), **declared)
     assert done.quality["status"] == "ok", done.quality["reasons"]
     assert 480 <= len(done.samples) <= len(log) and 4.9 < done.quality["duration_s"] < 5
-    # those of the sensor whose clock is the log's are as they were logged
+    # the sensor whose clock is the log's keeps its values
     assert max(np.isin(done.samples[c], log[c]).mean() for c in ("ax", "gx")) == 1
     assert (done.metadata["units"]["time"], done.quality["columns"]["time"]) == (unit, time)
 
@@ -318,7 +318,7 @@ def with_second(log):
 
 
 def corrected(log, about=("android", "false"), scale=1.0, **named):
-    """Sensor Logger, with what the phone has corrected beside what it has not."""
+    """Sensor Logger, with values that the phone has corrected and uncalibrated ones."""
     wrong = log.assign(bx=log.ax + 1, by=log.ay + 1, bz=log.az + 1, hx=0.5, hy=0.5, hz=0.5)
     wrong[FORCE] = np.round(wrong[FORCE] * scale, 6)
     usual = {"Accelerometer": ["hx", "hy", "hz"], "TotalAcceleration": ["bx", "by", "bz"]}
@@ -330,7 +330,7 @@ def corrected(log, about=("android", "false"), scale=1.0, **named):
 ONLY = {"AccelerometerUncalibrated": None, "GyroscopeUncalibrated": None, "Gyroscope": RATE}
 TOTAL = {**ONLY, "TotalAcceleration": FORCE}
 IOS, G = "iOS logs the opposite of specific force: its sign is turned", -1 / STANDARD_GRAVITY
-# what is in the zip, what is declared, and what is said
+# members of the zip, the declaration, and a line
 PHONES = {
     **{f"phyphox {separator!r}": (
            lambda log, s=separator: phyphox(log, ("", ""), *s), {}, "the tables Accelerometer and")

@@ -1,4 +1,4 @@
-"""Text that is no log, is damaged, or is declared wrongly: what is lost, and one line about it."""
+"""Text that is not a log, is damaged, or is declared wrongly: the loss, and one line about it."""
 
 import gzip
 
@@ -56,7 +56,7 @@ DELTA = [f"{name}{axis}" for name in ("dv", "dtheta_") for axis in "xyz"]
 MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
 
 
-# how the log is written; what is declared; what is said of that
+# how the log is written, the declaration, and the line about it
 @pytest.mark.parametrize(
     ("how", "declared", "line"),
     [

@@ -1,4 +1,4 @@
-"""Logs of robots and autopilots, beside the round trip: ROS, ULog, DataFlash."""
+"""Logs of robots and autopilots, further to the round trip: ROS, ULog, DataFlash."""
 
 import re
 import shutil
@@ -130,7 +130,7 @@ def sampled(folder, log, later=0):
 
 NOTE = "ArduPilot logs after its own calibration"
 MINE_2 = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
-# how to write the log, the columns that are declared, those found, and what is said
+# how to write the log, the columns as declared, the column found, and a line
 READ = {
     "ros, a file": (renamed, {}, "/imu.linear_acceleration.x", ""),
     "ros, parts": (in_parts, {}, "/imu.linear_acceleration.x", "the folder has no metadata.yaml"),
@@ -307,7 +307,7 @@ def test_damage_to_a_dataflash_log_costs_its_rows(single, run, tmp_path):
     rows = np.r_[0:250, 250 + lost : 500]
     np.testing.assert_array_equal(done.samples.az, single.az.to_numpy(float)[rows])
     assert f"{lost * row} of {len(content)} bytes belong to no message" in done.quality["warnings"]
-    # a message of an unknown number; and an instance that is there once is no second sensor
+    # a message of an unknown number; and an instance with a single row does not count as a sensor
     at = len(content) - 100 * row + 2
     for place, value, bad in ((at, b"\x11", 0), (at + 9, b"\x4d", 1)):
         done = run(dataflash(tmp_path, content[:place] + value + content[place + 1 :]))
@@ -379,7 +379,7 @@ def two_kinds(folder, log):
 
 TWO_KINDS = "IMU is defined twice, with other fields: the log is of two kinds"
 NO_STREAM = {"angular_rate": "/gyro"}
-# how to write it, what is declared, whether that is at fault, and the line
+# how to write it, the columns as declared, whether these are at fault, and the line
 REFUSED = {
     "a bag without its file": (without("log.mcap"), {}, False, "log is damaged, .*Reader"),
     "no metadata": (without("metadata.yaml", "a: b"), {}, False, "log is damaged, .*Reader"),
