@@ -7,7 +7,6 @@ import yaml
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import RawUnit
 
-COUNTS = {"acceleration": "count", "angular_rate": "count"}
 # rows, rate in Hz, duration in s
 DEVICES = {
     "xsens_mti": (51175, 100, 512),
@@ -112,16 +111,3 @@ def test_rest_is_told_from_motion_and_rates_from_increments(recordings, run, nam
     else:
         assert (found["reasons"], found["warnings"]) == ([], [])
         assert found["faults"]["rests"]["share"] > 0.999
-
-
-def test_measured_turns_agree_with_gravity(recordings, run):
-    declared = {
-        "units": {"time": "us", **COUNTS},
-        "nominal": {"acceleration": {"scale": 0.0047884}, "angular_rate": {"scale": 0.001064225}},
-    }
-    columns = {"time": "t_us", "acceleration": [f"a{x}2" for x in "xyz"]}
-    columns["angular_rate"] = [f"g{x}2" for x in "xyz"]
-    found = run(recordings("exp_1.parquet"), columns=columns, **declared).quality
-    assert found["status"] == "ok" and turns_agree_with_gravity(found)
-    # over rests, so none is reported of the shaking that follows
-    assert not any("specific force" in line for line in found["warnings"])
