@@ -16,7 +16,7 @@ from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor
-from imuloop.ingest.stamps import stamp_array
+from imuloop.ingest.stamps import no_stamps, stamp_array
 from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
@@ -67,13 +67,12 @@ def read(paths, columns=None):
     known = {"units": units, "nominal": nominal, "notes": notes}
     log = table_log(layout.names, chosen, held, layout.headed, tick, **known)
     log.lose(count)
-    if isinstance(at := chosen.time, int) and log.batch[STAMP].null_count == log.batch.num_rows:
-        for text in (row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING):
-            raise ImuloopError(
-                f"time column '{layout.names[at]}' holds neither numbers nor ISO 8601 stamps, but "
-                f"'{text[:80]}'; name the right one in columns.time, or give columns.time: null "
-                "and rate in Hz"
-            )
+    if isinstance(at := chosen.time, int):
+        stamps = log.batch[STAMP]
+        texts = [row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING]
+        if texts and 0 < stamps.null_count == len(stamps):
+            fault = no_stamps(stamps, layout.names[at])
+            raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
     return log
 
 

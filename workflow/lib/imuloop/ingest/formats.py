@@ -1,6 +1,5 @@
 """The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -55,8 +54,6 @@ FORMATS = {
     "dataflash": LogFormat(dataflash.read, (".bin",), (b"\xa3\x95\x80", b"FMT, 128")),
 }
 SIGNATURES = {start: name for name, form in FORMATS.items() for start in form.starts}
-# an archive of NumPy: the name of its first file, behind the 30 bytes of a zip
-_FIRST_ARRAY = re.compile(rb"(?s).{30}[^/\0-\x1f]*\.npy")
 # how files begin that are logs of no format, and what to do about them
 _NO_LOGS = {
     b"\xd0\xcf\x11\xe0": SPREADSHEET,
@@ -67,7 +64,7 @@ _NO_LOGS = {
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
-# bytes that hold two lines of JSON, or the name of the first file in a zip
+# bytes that hold two lines of JSON
 _HEAD = 1 << 14
 
 
@@ -116,7 +113,7 @@ def guess_format(paths):
     for signature, name in SIGNATURES.items():
         if head.startswith(signature):
             # an .npz is a zip of arrays
-            return "numpy" if name == "phone" and _FIRST_ARRAY.match(head) else name
+            return "numpy" if name == "phone" and path.suffix.lower() == ".npz" else name
     if json_lines.are_objects(head):
         return "jsonl"
     bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path
