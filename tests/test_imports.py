@@ -180,4 +180,4 @@ def test_a_device_is_calibrated_without_what_windows_lacks(repository, tmp_path)
     assert done.returncode == 0, done.stderr
     of_text, of_arrays = re.findall(r"^\[.*\]$", done.stdout, re.M)
     assert of_text == of_arrays and of_text.count(",") == 5
-    assert "rejected: torn.mat is no whole file of the format matlab" in done.stdout
+    assert "rejected: torn.mat is damaged, or not of the format matlab" in done.stdout

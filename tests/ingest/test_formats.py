@@ -16,11 +16,8 @@ from functools import partial
 import netCDF4
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from backports import zstd
-from pyarrow.feather import write_feather
 
 from imuloop import config_model
 from imuloop.core.errors import ImuloopError
@@ -34,7 +31,7 @@ SIX = [*CHANNELS]
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """A way to write a log, and what is lost of it.
+    """A way to write a log, and the loss by it.
 
     `write(folder, stamps, values)` returns the path, or {role: path}; stamps are given in ns, and
     kept as `stamps` of them; values, force first, (n, 6), are kept as `values` of them.
@@ -59,7 +56,7 @@ def as_type(kind):
 
 
 def as_text(digits):
-    """Numbers as float64 nearest to what is written."""
+    """Numbers as float64 nearest to the text."""
     return np.vectorize(lambda x: float(digits(x)), otypes=[float])
 
 
@@ -72,7 +69,7 @@ def whole(kind):
 
 # --- text
 
-# halfway between two float64, and a little beside; longer than any float64; the ends of their range
+# halfway between two float64, and a little off; longer than any float64; the ends of their range
 AWKWARD = """
     1.00000000000000011102230246251565404236316680908203125
     1.00000000000000011102230246251565404236316680908203124
@@ -135,12 +132,11 @@ def zipped(folder, members):
 
 
 def phyphox(folder, stamps, values, **how):
-    log = pd.DataFrame(values, columns=SIX).assign(t=seconds(stamps))
-    return zipped(folder, written.phyphox(log, **how))
+    return zipped(folder, written.phyphox(frame(seconds(stamps), values), **how))
 
 
 def sensor_logger(folder, stamps, values):
-    log = pd.DataFrame(values, columns=SIX).assign(t=seconds(stamps))
+    log = frame(seconds(stamps), values)
     named = {"TotalAcceleration": SIX[:3], "Gyroscope": SIX[3:]}
     return zipped(folder, written.sensor_logger(log, named, stamps=stamps.tolist()))
 
@@ -148,10 +144,25 @@ def sensor_logger(folder, stamps, values):
 # --- arrays
 
 
+def frame(stamps, values, kind="f8"):
+    return pd.DataFrame(values.astype(kind), columns=SIX).assign(t=stamps)
+
+
 def parquet(folder, stamps, values, kind="f8", packing="snappy"):
-    columns = {"t": stamps, **dict(zip(SIX, values.astype(kind).T, strict=True))}
-    pq.write_table(pa.table(columns), folder / "log.parquet", compression=packing)
+    frame(stamps, values, kind).to_parquet(folder / "log.parquet", compression=packing)
     return folder / "log.parquet"
+
+
+def feather(folder, stamps, values, kind="f8", packing="lz4"):
+    table = frame(stamps, values, kind)
+    table.to_feather(folder / "log.feather", compression=packing, chunksize=70)
+    return folder / "log.feather"
+
+
+def records(folder, stamps, values, kind="f8", order="<"):
+    kinds = {name: order + kind for name in SIX} | {"t": f"{order}i8"}
+    np.save(folder / "log.npy", frame(stamps, values).to_records(False, column_dtypes=kinds))
+    return folder / "log.npy"
 
 
 def netcdf(folder, stamps, values, kind="f8", variant="NETCDF4"):
@@ -170,21 +181,6 @@ def matlab(folder, stamps, values, save=written.matlab_5, kind=np.asarray, turne
     acc, gyro = (x.T if turned else x for x in three)
     save(folder / "log.mat", {"t": stamps, "acc": acc, "gyro": gyro})
     return folder / "log.mat"
-
-
-def feather(folder, stamps, values, kind="f8", packing="lz4"):
-    columns = {"t": stamps, **dict(zip(SIX, values.astype(kind).T, strict=True))}
-    write_feather(pa.table(columns), folder / "log.feather", compression=packing, chunksize=70)
-    return folder / "log.feather"
-
-
-def records(folder, stamps, values, kind="f8", order="<"):
-    table = np.empty(len(stamps), [("t", f"{order}i8"), *((name, order + kind) for name in SIX)])
-    table["t"] = stamps
-    for name, column in zip(SIX, values.astype(kind).T, strict=True):
-        table[name] = column
-    np.save(folder / "log.npy", table)
-    return folder / "log.npy"
 
 
 def arrays(folder, stamps, values, save=np.savez, turned=False):
@@ -260,7 +256,7 @@ ROUND_TRIPS = {
     "sensor logger": RoundTrip(sensor_logger),
     **{f"parquet, {packing}, {kind}": RoundTrip(partial(parquet, kind=kind, packing=packing),
                                                 values=as_type(kind))
-       for packing, kind in (("none", "f4"), ("snappy", "f8"), ("brotli", "f8"))},
+       for packing, kind in ((None, "f4"), ("snappy", "f8"), ("brotli", "f8"))},
     **{f"feather, {packing}, {kind}": RoundTrip(partial(feather, kind=kind, packing=packing),
                                                 values=as_type(kind))
        for packing, kind in (("uncompressed", "f4"), ("lz4", "f8"), ("zstd", "f8"))},
@@ -341,7 +337,6 @@ def test_first_bytes_go_before_the_name(tmp_path, head, name):
 def test_the_config_goes_before_all(log, run, tmp_path):
     path = tmp_path / "log.parquet"
     log.to_csv(path, index=False)
-    assert find_format("csv", {"log": path}) == ("csv", FORMATS["csv"])
     assert run(path, format="csv").quality["log_format"] == "csv"
 
 

@@ -1,4 +1,4 @@
-"""Files that are no log of any format: the true cause, in one line, and what to do."""
+"""Files that are not logs of any format: the true cause, in one line, and what to do."""
 
 import json
 import sqlite3
@@ -40,13 +40,26 @@ def columns(path):
 def announced(path):
     """An array of 8 TB, of which nothing is in the file."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 40}, 7), }}".ljust(117)
-    path.write_bytes(b"\x93NUMPY\1\0v\0" + header.encode() + b"\n")
+    content = b"\x93NUMPY\1\0v\0" + header.encode() + b"\n"
+    if path.suffix == ".npz":
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("t.npy", content)
+    else:
+        path.write_bytes(content)
 
 
 def never_written(path):
     """An array of 24 TB, none of which is in the file."""
     with h5py.File(path, "w") as file:
         file.create_dataset("acc", (3, 1 << 40), "f8", chunks=(3, 1 << 10))
+
+
+def nested(path):
+    """Groups in each other, over which libraries are slow."""
+    with h5py.File(path, "w") as file:
+        group = file
+        for _ in range(3000):
+            group = group.create_group("g")
 
 
 def rows_announced(path):
@@ -68,12 +81,9 @@ def spoilt(path):
     path.write_bytes(content[:half] + bytes(400) + content[half + 400 :])
 
 
-BROKEN, TOO_MUCH = "is no whole file of the format", "more than 200 times"
+BROKEN, TOO_MUCH = "is damaged, or not of the format", "more than 200 times"
 DOCUMENT, LFS = "the file is one JSON document", "is a pointer of Git LFS"
-SHEET, TABLES = (
-    "the file is a spreadsheet",
-    "an SQLite database, but no ROS 2 bag: its tables are sa",
-)
+SHEET, TABLES = "the file is a spreadsheet", "export an SQLite database of another kind as CSV"
 CASES = {
     "log.json": (lambda path: brief().to_json(path, orient="records", indent=1), DOCUMENT),
     "line.json": (lambda path: brief().to_json(path, orient="records"), DOCUMENT),
@@ -87,13 +97,15 @@ CASES = {
     "log.xls": (lambda path: path.write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1" + bytes(600)), SHEET),
     **{f"lfs.{end}": (lambda path: path.write_text(POINTER), LFS)
        for end in ("csv", "parquet", "mat", "bag", "npy", "zip", "dat")},
-    "log.npy": (lambda path: np.save(path, {"a": 1}), "pickled objects are not loaded"),
+    "log.npy": (lambda path: np.save(path, {"a": 1}), "Python objects in dtype"),
     "many.npz": (lambda path: np.savez_compressed(path, t=np.zeros(10**7)), TOO_MUCH),
     "long.npy": (announced, BROKEN),
+    "long.npz": (announced, "does not fit the memory"),
     "log.feather": (lambda path: path.write_bytes(b"ARROW1\0\0" + bytes(99)), BROKEN),
     "never.mat": (never_written, TOO_MUCH),
     "announced.nc": (rows_announced, TOO_MUCH),
     "cut.nc": (cut_off, BROKEN),
+    "nested.nc": (nested, "groups lie in each other"),
     "cut.parquet": (cut_off, BROKEN),
     "spoilt.parquet": (spoilt, BROKEN),
     "log.zip": (lambda path: path.write_bytes(b"PK\3\4" + bytes(99)), BROKEN),

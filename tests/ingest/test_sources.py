@@ -78,7 +78,7 @@ def target(tmp_path):
 
 
 FAULTS = {
-    # what is wrong with a source, and what the line says
+    # a wrong source, and the line about it
     "no such file": ({"url": "{server}/none.csv"},
                      r"none\.csv .*the server answers 404.*download http"),
     "a wrong hash": ({"sha256": "0" * 64}, rf"has SHA-256 {DIGEST}, expected 0{{64}}"),
@@ -110,7 +110,7 @@ def test_a_url_is_fetched_whole_and_quietly(server, target, capfd):
     fetch({"url": f"{server}/log.csv?raw=1", "sha256": DIGEST.upper()}, target)
     assert target.read_bytes() == CONTENT
     assert [path.name for path in target.parent.iterdir()] == ["log.csv"]
-    # no bar where nobody watches
+    # no bar without a terminal
     assert capfd.readouterr() == ("", "")
 
 

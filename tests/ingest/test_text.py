@@ -31,11 +31,10 @@ from ingest.text_forms import (
 
 # share by which values that are converted twice may differ
 ROUNDED = 1e-12
-TWO_ROWS = "Time;Acceleration;;;Rate gyro;;\n;x;y;z;x;y;z\ns;m/s^2;m/s^2;m/s^2;rad/s;rad/s;rad/s\n"
 PREAMBLE = "\ufeffLogger 3, version 2\n\n"
 MONTH, SLASHES = "%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"
 BRACKETS = "s,m/(s^2),m/(s^2),m/(s^2),rad/s,rad/s,rad/s"
-# lines of text, and whether they count as lines that are no rows, or as rows without numbers
+# lines of text, and whether they count as bad lines, or as rows without numbers
 OTHERS = {"start,of,a,new,part,of,it": 0, "battery low": 1, "mag_x,mag_y,mag_z": 1, "#t 5": 1}
 IN_MDPS = [*SIX[:3], *(f"gyr_{a}_mdps" for a in "xyz")]
 AFTER_ARROWS = {"columns": {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}}
@@ -45,7 +44,7 @@ BY_NUMBER = {"columns": {"time": 0, "acceleration": [1, "-2", 3], "angular_rate"
 
 @dataclass(frozen=True)
 class Way:
-    """How a log is written, what is declared, the rows that are lost, figures of quality.json.
+    """How a log is written, the declaration, the rows that are lost, figures of quality.json.
 
     Values come back exactly, or where units are converted within a share.
     """
@@ -80,9 +79,7 @@ WAYS = {
                        ROUNDED),
     "a row of units in brackets": (lambda log: row_of_units(log, "[{}]"), {}, (), {}, ROUNDED),
     "a row of units with brackets in them": (lambda log: inserted(log, 1, BRACKETS), {}),
-    "names in two rows": (lambda log: TWO_ROWS + text(log, sep=";", header=False), {}, (),
-                          {"columns.angular_rate": [f"Rate gyro {a}" for a in "xyz"]}),
-    "decimal commas beside dates with a point": (decimal_commas, {}),
+    "decimal commas with dates that have a point": (decimal_commas, {}),
     **{f"dates as {form}": (lambda log, form=form: text(dated(log, form)), {}, (),
                             {"start": "2023-02-28T23:59:58.500000Z"}) for form in (MONTH, SLASHES)},
     "a header in Latin-1": (in_latin_1, {"columns": {"time": 0}}, (),
@@ -123,13 +120,10 @@ WAYS = {
     **{f"lines before a table: {line}":
            (lambda log, line=line: f"{line}\n{text(log)}", {})
        for line in ('{"device": "imu"}', "[INFO] started", "{", "a | b", "t|ax")},
-    "names with a prefix beside the usual ones":
+    "names with a prefix next to the usual ones":
         (lambda log: text(log.join(log.add_prefix("imu1_") + 1).assign(SampleTimeFine=log.t * 2)),
          {}),
-    # as of an Xsens without ticks
-    "an empty column of ticks":
-        (lambda log: text(log.assign(t="").rename(columns={"t": "SampleTimeFine"})), {"rate": 100}),
-    "columns that end before those of another sensor":
+    "columns that end before another sensor's":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),
     **{f"the unit {unit}":
            (lambda log, names=names, on=on, by=by: ",".join(names) + "\n"

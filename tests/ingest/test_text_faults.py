@@ -1,4 +1,4 @@
-"""Text that is no log, is damaged, or is declared wrongly: what is lost, and one line about it."""
+"""Text that is not a log, is damaged, or is declared wrongly: the loss, and one line about it."""
 
 import gzip
 
@@ -15,7 +15,7 @@ TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 COMMENTS = "\n".join(f"%IMUA,{row}" for row in TEXT.splitlines()[1:])
 FAR, BINARY = "time column 't': its stamps, as ", "the file is binary, or UTF-16: save it as UTF-8"
 NO_TABLE = "the file is not a table of numbers in rows and columns"
-SECOND = "a second header in the log orders the columns otherwise (t, "
+SECOND = "a second header in the log has another column in place of ax"
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,6 @@ SECOND = "a second header in the log orders the columns otherwise (t, "
         (lambda: gyroflow(brief(), 1 / 400, lambda _: "?"), "look like counts"),
         (lambda: inserted(brief(), 490, "t,ay,ax,az,gx,gy,gz"), SECOND),
         (lambda: inserted(brief(), 490, "# t, gx, gy, gz, ax, ay, az"), SECOND),
-        (lambda: inserted(brief(), 490, "t,temp,ax,ay,az,gx,gy,gz"), SECOND),
         (lambda: text(brief()) + "0" * (1 << 21), "of the log's bytes are in"),
     ],
 )
@@ -57,7 +56,7 @@ DELTA = [f"{name}{axis}" for name in ("dv", "dtheta_") for axis in "xyz"]
 MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
 
 
-# how the log is written; what is declared; what is said of that
+# how the log is written, the declaration, and the line about it
 @pytest.mark.parametrize(
     ("how", "declared", "line"),
     [
@@ -82,7 +81,7 @@ MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
         ({"header": ["t [week]", *SIX]}, {}, r"csv: units\.time: the log says 'week'"),
         ({"header": ["t", *(f"{x} [furlong]" for x in SIX[:3]), *SIX[3:]]}, {}, "says 'furlong'"),
         (text(brief().assign(t=[f"31.12.2023 12h{i}" for i in range(500)])), {},
-         "column 't' holds neither numbers nor ISO 8601"),
+         "column 't' holds neither numbers nor .*; the first stamp is '31.12.2023 12h0'"),
     ],
 )  # fmt: skip
 def test_a_wrong_declaration_is_one_line(log, run, tmp_path, how, declared, line):

@@ -73,7 +73,7 @@ def in_latin_1(log):
 
 
 def two_columns(log, seconds, part, ns=1, receipt=True):
-    """Whole seconds and their part; beside them the time of receipt, late by up to 4 ms."""
+    """Whole seconds, their part, and the time of receipt, late by up to 4 ms."""
     stamps = 1_650_000_123_987_654_000 + 10_000_000 * np.arange(len(log))
     table = log.drop(columns="t")
     table.insert(0, part, stamps % 10**9 // ns)
@@ -120,7 +120,7 @@ def unreadable(log):
 
 
 def beside_emg(log):
-    """A sensor of 300 Hz beside the IMU, whose columns end before its."""
+    """A sensor of 300 Hz next to the IMU, whose columns end first."""
     emg = pd.DataFrame({"s": np.arange(1500) / 300, "emg": 0.5})
     names = ["X[s]", "EMG1", "X[s]", *(f"{s}1.{a}" for s in ("ACC", "GYRO") for a in "XYZ")]
     return pd.concat([emg, log], axis=1).to_csv(index=False, header=names)

@@ -1,12 +1,6 @@
-"""Files that are damaged, or made to break their reader: one line says so, and the log is rejected.
+"""Damaged files, and files made to break their reader: one line says so, the log is rejected."""
 
-What ends the process, such as a lack of memory, ends that job alone.
-"""
-
-import functools
 from pathlib import Path
-
-import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
@@ -23,41 +17,35 @@ def check_unpacked(packed, unpacked):
         )
 
 
-def cause(error):
-    """Return what an error of a library says, short and on one line."""
-    return one_line(f"{type(error).__name__}: {error}")[:150]
-
-
-def reject_damage(read):
-    """Make a reader that leaves the file to a library reject one that the library cannot read.
+def read_whole(name, form, paths, columns=None):
+    """Return the RawLog of a file; reject one that the library of its format cannot read.
 
     A package that is missing becomes an `ImuloopError` with the command that installs it.
+
+    Parameters
+    ----------
+    name, form : str, LogFormat
+        Name of the format; its reader, and the remedy of a broken file.
+    paths : dict
+        The path under ``log``.
+    columns : dict, optional
+        As declared.
     """
-    form = read.__module__.rpartition(".")[2] if read.__name__ == "read" else read.__name__[5:]
-
-    @functools.wraps(read)
-    def reader(paths, columns=None):
-        path = Path(paths["log"])
-        try:
-            return read(paths, columns)
-        except pa.ArrowMemoryError as error:
-            # a damaged file may announce any size
-            why = f"the table does not fit the memory ({error}): save it anew"
-            raise RejectedLog(why) from error
-        except (ImuloopError, MemoryError):
-            raise
-        except ImportError as error:
-            package = str(error.name).partition(".")[0]
-            # an extra of the project is called as the format that needs it
-            raise ImuloopError(
-                f"format {form} needs the package {package}, which is not installed: pip "
-                f"install '.[{form}]'"
-            ) from error
-        except Exception as error:
-            why = cause(error).replace(str(path), "the file")
-            raise RejectedLog(
-                f"{path.name} is no whole file of the format {form} ({why}): copy it again, or "
-                "save it anew"
-            ) from error
-
-    return reader
+    path = Path(paths["log"])
+    try:
+        return form.read(paths, columns)
+    except ImuloopError:
+        raise
+    except ImportError as error:
+        package = str(error.name).partition(".")[0]
+        # an extra of the project is called as the format that needs it
+        raise ImuloopError(
+            f"format {name} needs the package {package}, which is not installed: pip install "
+            f"'.[{name}]'"
+        ) from error
+    except Exception as error:
+        # a damaged file may announce any size
+        large = isinstance(error, MemoryError)
+        what = "does not fit the memory" if large else f"is damaged, or not of the format {name}"
+        why = f"{type(error).__name__}: {error}".replace(str(path), "the file")
+        raise RejectedLog(f"{path.name} {what} ({one_line(why)[:150]}): {form.remedy}") from error

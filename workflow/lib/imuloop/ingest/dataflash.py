@@ -3,14 +3,14 @@
 import re
 
 import numpy as np
+import pandas as pd
 
 from imuloop.core.errors import RejectedLog, plural
-from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
 
 # at the rate of the main loop; as sampled; increments. Older logs number the sensor.
-_INERTIAL = re.compile(r"(IMU|ACC|GYR|IMT)\d?")
+_INERTIAL = r"(IMU|ACC|GYR|IMT)\d?"
 # stamps to microseconds; a sample's own goes first
 _STAMPS = {"SampleUS": 1, "TimeUS": 1, "TimeMS": 1000}
 # usual name to increments over their interval in s
@@ -30,7 +30,6 @@ _FORMAT = re.compile(rb"(?s)\xa3\x95\x80(.)(.)(.{4})(.{16})(.{64})" + _END)
 _LEAST_SHARE = 0.01
 
 
-@reject_damage
 def read(paths, columns=None):
     """Read a DataFlash log.
 
@@ -40,57 +39,50 @@ def read(paths, columns=None):
     """
     with open(paths["log"], "rb") as file:
         data = file.read()
-    declared = names_in(columns)
-
-    def is_wanted(name):
-        return name in declared or _INERTIAL.fullmatch(name)
-
-    messages, bad, damage = (_binary if _HEAD in data else _text)(data, is_wanted)
+    wanted = re.compile("|".join((_INERTIAL, *map(re.escape, names_in(columns)))))
+    messages, bad, damage = (_binary if _HEAD in data else _text)(data, wanted)
     streams = []
     for name, fields in messages.items():
-        parts = _streams(name, fields)
-        rows = sum(len(part.stamps) for part in parts)
-        sound = [part for part in parts if len(part.stamps) >= _LEAST_SHARE * rows]
-        bad += rows - sum(len(part.stamps) for part in sound)
+        found = _streams(name, fields)
+        rows = sum(len(stream.stamps) for stream in found)
+        sound = [stream for stream in found if len(stream.stamps) >= _LEAST_SHARE * rows]
+        bad += rows - sum(len(stream.stamps) for stream in sound)
         streams += sound
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
     note = (
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before"
     )
-    lost = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
-    raw = raw_log(streams, columns, [*damage, note], lost)
-    raw.bad_lines += bad
-    return raw
+    lost = damage or [f"{plural(bad, 'row')} cannot be read"] * bool(bad)
+    log = raw_log(streams, columns, [*damage, note], lost)
+    log.bad_lines += bad
+    return log
 
 
 def _define(known, name, *definition):
-    """Put what a message is into `known`; refuse one that is defined twice, otherwise."""
+    """Add the definition of a message to `known`; refuse a second one that differs."""
     if known.setdefault(name, definition) != definition:
         raise RejectedLog(f"{name} is defined twice, with other fields: the log is of two kinds")
 
 
-def _binary(data, is_wanted):
-    """Return the wanted messages' fields by name, the rows that cannot be read, and the damage."""
-    sizes, names, known = {}, {}, {}
+def _binary(data, wanted):
+    """Return name -> fields of the messages whose names match a pattern, 0, and lines on damage."""
+    lengths, kinds, known = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
         name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
-        sizes.setdefault(kind, max(ord(size), len(_HEAD) + 1))
-        if is_wanted(name):
+        lengths.setdefault(kind, max(ord(size) - len(_HEAD) - 1, 0))
+        if wanted.fullmatch(name):
             _define(known, name, ord(size), *texts)
-            names[ord(kind)] = name
-    kinds = b"|".join(
-        re.escape(kind) + b".{%d}" % (size - len(_HEAD) - 1) for kind, size in sizes.items()
-    )
-    messages = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, kinds or b"(?!)", _END)).finditer(data)
-    spans = np.fromiter((x for match in messages for x in match.span()), int).reshape(-1, 2)
-    kinds = np.frombuffer(data, np.uint8)[spans[:, 0] + len(_HEAD)]
-    read, bad, unknown = {}, 0, len(data) - int(np.diff(spans).sum())
+            kinds.setdefault(name, []).append(ord(kind))
+    each = b"|".join(re.escape(kind) + b".{%d}" % length for kind, length in lengths.items())
+    pattern = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, each or b"(?!)", _END))
+    spans = np.array([match.span() for match in pattern.finditer(data)], int).reshape(-1, 2)
+    found = np.frombuffer(data, np.uint8)[spans[:, 0] + len(_HEAD)]
+    messages, unknown = {}, len(data) - int(np.diff(spans).sum())
     for name, definition in known.items():
-        rows = spans[np.isin(kinds, [kind for kind, each in names.items() if each == name]), 0]
-        read[name] = _fields(data, rows, *definition)
-        bad += 0 if read[name] else len(rows)
-    return read, bad, [f"{unknown} of {len(data)} bytes are no message"] if unknown else []
+        rows = spans[np.isin(found, kinds[name]), 0]
+        messages[name] = _fields(data, rows, *definition)
+    return messages, 0, [f"{unknown} of {len(data)} bytes belong to no message"] * bool(unknown)
 
 
 def _fields(data, rows, size, codes, names):
@@ -107,56 +99,50 @@ def _fields(data, rows, size, codes, names):
     return fields
 
 
-def _text(data, is_wanted):
-    """Return the wanted messages' fields by name, the rows that cannot be read, and no damage."""
+def _text(data, wanted):
+    """Return name -> fields of the messages whose names match a pattern, the bad rows, and []."""
     known, messages = {}, {}
     *lines, rest = data.decode(errors="replace").split("\n")
-    # where the log was cut off, nobody knows whether its last number is whole
+    # where the log was cut off, its last number may not be whole
     bad = int(bool(rest.strip()))
     for line in lines:
         name, *values = (value.strip() for value in line.split(","))
-        if name == "FMT" and len(values) > 4 and is_wanted(values[2]):
+        if name == "FMT" and len(values) > 4 and wanted.fullmatch(values[2]):
             _define(known, *values[2:])
         elif name in known:
             codes, *names = known[name]
             try:
-                row = [
-                    np.nan if "S" in _CODES.get(code, "S") else float(value)
-                    for code, value, _ in zip(codes, values, names, strict=True)
-                ]
+                row = {
+                    field: np.nan if "S" in _CODES.get(code, "S") else float(value)
+                    for code, value, field in zip(codes, values, names, strict=True)
+                }
                 messages.setdefault(name, []).append(row)
             except ValueError:
                 bad += 1
-    columns = {name: np.array(rows).T for name, rows in messages.items()}
-    return (
-        {name: dict(zip(known[name][1:], x, strict=True)) for name, x in columns.items()},
-        bad,
-        [],
-    )
+    return {name: dict(pd.DataFrame(rows)) for name, rows in messages.items()}, bad, []
 
 
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(name, fields):
     """Return the streams of a message, one an instance, with the sensors' usual names."""
-    stamp = next((stamp for stamp in _STAMPS if stamp in fields), None)
-    if stamp is None:
+    fields = {field: np.asarray(values) for field, values in fields.items()}
+    clock = next((field for field in _STAMPS if field in fields), None)
+    if clock is None:
         return []
-    fields = dict(fields)
     # text was read as float64, exact to 2^53 us
-    kind = np.int64 if fields[stamp].dtype.kind in "iu" else float
-    stamps = fields[stamp].astype(kind) * _STAMPS[stamp]
+    kind = np.int64 if fields[clock].dtype.kind in "iu" else float
+    stamps = fields[clock].astype(kind) * _STAMPS[clock]
     if "T" in fields:
         fields["temperature"] = fields["T"]
     for quantity, (increment, interval) in _INCREMENTS.items():
         names = {f"{quantity}.{axis}": f"{increment}{axis.upper()}" for axis in AXES}
         if {interval, *names.values()} <= {*fields}:
-            dt = np.where(fields[interval] > 0, fields[interval], np.nan).astype(float)
-            fields |= {usual: fields[each] / dt for usual, each in names.items()}
+            fields |= {usual: rates(fields[x], fields[interval]) for usual, x in names.items()}
     if "I" not in fields:
         return [Stream(name, stamps, fields, AUTOPILOT)]
-    here = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
+    instances = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
     return [
         Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, AUTOPILOT)
-        for each, rows in here.items()
+        for each, rows in instances.items()
     ]

@@ -2,28 +2,27 @@
 
 import re
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 
-from imuloop.core.errors import RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
-from imuloop.ingest.columns import STAMP, listed, resolve
+from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, unit_of
-from imuloop.ingest.stamps import stamp_array
-from imuloop.ingest.tables import doubles, multiplied, read_pair, table_log
+from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor
+from imuloop.ingest.stamps import no_stamps, stamp_array
+from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
     COMMENT,
     MISSING,
     decoded,
-    fields_of,
     find_layout,
     is_number,
     unpacked,
@@ -33,8 +32,7 @@ from imuloop.ingest.text_layout import (
 ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
 # the table in a folder of EuRoC
 IN_FOLDER = "data.csv"
-# a line that may be a header, and one with an open quote
-_WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
+# a line with an open quote
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
 # most texts in a column that names the sensors
 _KINDS = 20
@@ -49,7 +47,7 @@ _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for 
 def read(paths, columns=None):
     """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
 
-    Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
+    In a sensor's folder of an EuRoC recording, ``imu0``, the table is a file, whose header gives
     names and units.
     """
     path = paths["log"]
@@ -61,21 +59,20 @@ def read(paths, columns=None):
     if parts := _by_sensor(path, layout):
         return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
-    chosen = resolve(layout.names, columns, layout.headed)
-    at = chosen.raw().get(STAMP)
-    stamps = {row[at] for row in layout.rows if at is not None and at < len(row)}
-    if stamps and stamps <= {*MISSING} and "time" not in (columns or {}):
-        chosen = replace(chosen, time=None)
+    chosen, count = resolve(layout.names, columns, layout.headed), RawLog()
     units, nominal, tick = _scaled(layout, chosen)
     skipped = len(layout.before)
     notes = [f"{skipped} line(s) before the table skipped"] if skipped and not nominal else []
-
-    places, count = [*chosen.raw().values()], RawLog()
-    held = text_columns(path, layout, places, count, chosen.stamps())
+    held = text_columns(path, layout, [*chosen.raw().values()], count, chosen.stamps())
     known = {"units": units, "nominal": nominal, "notes": notes}
-    log = table_log(layout.names, chosen, held, layout.headed, **known)
-    log.batch = multiplied(log.batch, tick)
+    log = table_log(layout.names, chosen, held, layout.headed, tick, **known)
     log.lose(count)
+    if isinstance(at := chosen.time, int):
+        stamps = log.batch[STAMP]
+        texts = [row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING]
+        if texts and 0 < stamps.null_count == len(stamps):
+            fault = no_stamps(stamps, layout.names[at])
+            raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
     return log
 
 
@@ -90,22 +87,22 @@ def _by_sensor(source, layout):
             break
     else:
         return {}
+    heads, rows = {}, {}
     # one sensor's rows may all come before the other's
-    text, mark = unpacked(source), re.escape(layout.separator).encode()
-    before = rb"(?:[^%b\n]*%b){%d}[ \t]*" % (mark, mark, at)
-    rows = rb"(?m)^(?!\s*[#%%]|\s*//)%b" % before
-    every = {*re.findall(rows + rb"([^%b\r\n]*)" % mark, text)}
-    names = {q: [name for name in every if named_sensor(decoded(name)) == q] for q in SENSORS}
-    # what the phone has not corrected goes first
-    names = {q: [n for n in of if b"uncal" in n.lower()] or of for q, of in names.items()}
-    if any(len(of) != 1 for of in names.values()):
-        return {}
-    parts, head = {}, layout.separator.join(layout.names).encode()
-    for quantity, [name] in names.items():
-        own = rb"%b(?:%b[^\r\n]*)?\r?$" % (re.escape(name), mark)
-        comment = re.search(rb"(?m)^\s*(?:#|%%|//)+\s*(%b%b)" % (before, own), text)
-        heads = [comment[1]] if comment else [head] * layout.headed
-        parts[quantity] = b"\n".join(heads + re.findall(rb"%b%b" % (rows, own), text))
+    for line in decoded(bytes(unpacked(source))).split("\n"):
+        bare = COMMENT.sub("", line, count=1)
+        fields = bare.split(layout.separator)
+        if len(fields) > at:
+            (rows if bare == line else heads).setdefault(fields[at].strip(), []).append(bare)
+    parts, header = {}, [layout.separator.join(layout.names)] * layout.headed
+    for quantity in SENSORS:
+        names = [name for name in rows if named_sensor(name) == quantity]
+        # uncalibrated values go first
+        names = [name for name in names if "uncal" in name.lower()] or names
+        if len(names) != 1:
+            return {}
+        lines = heads.get(names[0], header)[:1] + rows[names[0]]
+        parts[quantity] = "\n".join(lines).encode()
     return parts
 
 
@@ -115,11 +112,7 @@ def _scaled(layout, chosen):
     A row below the header may name the units, and lines above it scales. A unit that is a multiple
     of one of the library's is a count with that scale.
     """
-    units, below = dict(chosen.units), [f"[{text.strip('[]{} ')}]" for text in layout.units]
-    for quantity in ("time", *SENSORS, "temperature") if below else ():
-        if (at := getattr(chosen, quantity)) is not None:
-            unit = unit_of(quantity, at, below, quantity in chosen.increments)
-            units |= {quantity: unit} if unit else {}
+    units = chosen.units | (stated_units(chosen, layout.units) if layout.units else {})
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
     scales = {quantity: of for quantity, of in multiples.items() if of}
     said = {row[0]: row[1] for row in layout.before if len(row) == 2}
@@ -153,9 +146,8 @@ def text_columns(source, layout, positions, log, stamps):
         text = re.sub(pattern, replacement, text)
     kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
     kinds += [pa.float64()] * len(positions[stamps:])
-    texts = [pa.string()] * len(positions)
     # text among the numbers spoils its own row alone, and a line may be longer than a block
-    for types, block in ((kinds, _BLOCK), (texts, _BLOCK), (texts, len(text) + 1)):
+    for types, block in ((kinds, _BLOCK), ([pa.string()] * len(positions), len(text) + 1)):
         try:
             columns, lost = _parsed(text, layout, positions, types, block)
             break
@@ -163,31 +155,31 @@ def text_columns(source, layout, positions, log, stamps):
             fault = error
     else:
         raise unreadable(fault)
-    if lost or any(column.type == pa.string() for column in columns):
-        _check_headers(text, layout, positions)
+    if layout.headed:
+        _check_headers([layout.names[at] for at in positions], columns)
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
     if stamps and all(column.null_count for column in columns):
-        # rows without a stamp and any value are none, as below the last one of a shorter sensor
+        # drop rows without a stamp and any value, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
         columns = [column.filter(held) for column in columns]
     return [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
 
 
 def _stamp_kind(layout, at):
-    """Return the type of stamps by the first rows: int64, float64, or text of what is no number."""
+    """Return the type of stamps by the first rows: int64, float64, or text for dates."""
     texts = [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
     kind = stamp_array(pa.array(texts, pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 
 def _parsed(text, layout, positions, kinds, block):
-    """Return columns of these types of a text, and the lines that are no row."""
+    """Return columns of these types of a text, and the lines that are not rows."""
     lost, names = [], [str(i) for i in positions]
     every, block = [str(i) for i in range(len(layout.names))], min(block, np.iinfo(np.int32).max)
     reading = pyarrow.csv.ReadOptions(column_names=every, block_size=block, use_threads=False)
     parsing = pyarrow.csv.ParseOptions(
-        delimiter=_delimiter(layout),
+        delimiter="\t" if layout.separator == BLANKS else layout.separator,
         invalid_row_handler=lambda row: lost.append(row.text.encode()) or "skip",
     )
     converting = pyarrow.csv.ConvertOptions(
@@ -199,24 +191,20 @@ def _parsed(text, layout, positions, kinds, block):
     return [table[name].combine_chunks() for name in names], lost
 
 
-def _delimiter(layout):
-    return "\t" if layout.separator == BLANKS else layout.separator
-
-
-def _check_headers(text, layout, positions):
-    """Reject a text in which another header has the columns elsewhere: other rows follow it."""
-    wanted = [layout.names[i] for i in positions]
-    for line in _WORDS.findall(text) if layout.headed else ():
-        names = fields_of(COMMENT.sub("", decoded(line), count=1), _delimiter(layout))
-        if {*wanted} <= {*names} and [names[i] for i in positions if i < len(names)] != wanted:
-            raise RejectedLog(
-                f"a second header in the log orders the columns otherwise ({listed(names)}): make "
-                "a log of each part"
-            )
+def _check_headers(names, columns):
+    """Reject a table in which a column holds the name of another: other rows follow that header."""
+    for name, column in zip(names, columns, strict=True):
+        others = pa.array({*names} - {name}, pa.string())
+        if column.type == pa.string():
+            if pc.any(pc.is_in(pc.utf8_trim_whitespace(column), others)).as_py():
+                raise RejectedLog(
+                    f"a second header in the log has another column in place of {name[:80]}: make "
+                    "a log of each part"
+                )
 
 
 def _numbers(text):
-    """Return a column of text as float64; what is no number becomes NaN."""
+    """Return a column of text as float64; other text than numbers becomes NaN."""
     try:
         return doubles(text)
     except pa.ArrowInvalid:
@@ -224,5 +212,5 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return how many bytes of a text can hold anything: no zeros, erased memory or blanks."""
+    """Return the number of bytes of a text but zeros, erased memory and blanks."""
     return len(text) - text.count(_EMPTY) - text.count(b" ")

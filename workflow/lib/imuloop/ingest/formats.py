@@ -1,14 +1,14 @@
 """The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, RejectedLog, nearest
 from imuloop.ingest import arrays, dataflash, delimited, json_lines, phone, ros, tables, ulog
+from imuloop.ingest.damage import read_whole
 from imuloop.ingest.text_layout import SPREADSHEET
 
 # roles of two files, of one sensor each
@@ -20,16 +20,17 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and what its files are called.
 
-    ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and what the config
-    says of columns. It raises ImuloopError where a declaration does not fit, RejectedLog for a
-    broken file. `endings` are those of file names, lower case, `starts` the first bytes of files,
-    whatever their name; a `folder` may be read.
+    ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and the columns as
+    declared. It raises ImuloopError where a declaration does not fit, RejectedLog for a
+    broken file. `endings` end file names, in lower case, `starts` the first bytes of files,
+    whatever their name; a `folder` may be read. `remedy` says what to do with a broken file.
     """
 
     read: Callable
     endings: tuple[str, ...]
     starts: tuple[bytes, ...] = ()
     folder: bool = False
+    remedy: str = "copy it again, or save it anew"
 
 
 # a new format is a reader and a line here; its tests: "Adding a format", docs/formats.md
@@ -46,15 +47,13 @@ FORMATS = {
     "numpy": LogFormat(arrays.read_numpy, (".npy", ".npz"), (b"\x93NUMPY",)),
     "netcdf": LogFormat(arrays.read_netcdf, (".nc", ".nc4", ".cdf", ".netcdf"), (b"CDF",)),
     "matlab": LogFormat(arrays.read_matlab, (".mat",), (b"MATLAB ",)),
-    "ros": LogFormat(ros.read, ros.ENDINGS, ros.STARTS, folder=True),
+    "ros": LogFormat(ros.read, ros.ENDINGS, ros.STARTS, folder=True, remedy=ros.REMEDY),
     "phone": LogFormat(phone.read, (".zip",), (b"PK\x03\x04",)),
     "ulog": LogFormat(ulog.read, (".ulg", ".ulog"), (b"ULog\x01\x12\x35",)),
     # text logs end in .log as other tables do
     "dataflash": LogFormat(dataflash.read, (".bin",), (b"\xa3\x95\x80", b"FMT, 128")),
 }
 SIGNATURES = {start: name for name, form in FORMATS.items() for start in form.starts}
-# an archive of NumPy: the name of its first file, behind the 30 bytes of a zip
-_FIRST_ARRAY = re.compile(rb"(?s).{30}[^/\0-\x1f]*\.npy")
 # how files begin that are logs of no format, and what to do about them
 _NO_LOGS = {
     b"\xd0\xcf\x11\xe0": SPREADSHEET,
@@ -65,7 +64,7 @@ _NO_LOGS = {
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
-# bytes that hold two lines of JSON, or the name of the first file in a zip
+# bytes that hold two lines of JSON
 _HEAD = 1 << 14
 
 
@@ -75,27 +74,27 @@ def find_format(name, paths):
     An ImuloopError where the name is unknown, or the files show none or are not the format's; a
     RejectedLog where a file is of no format.
     """
-    if cause := next(filter(None, map(no_log, paths.values())), None):
-        raise RejectedLog(cause)
+    for path in paths.values():
+        if cause := no_log(path):
+            raise RejectedLog(cause)
     name = name or guess_format(paths)
     if name not in FORMATS:
-        hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
-        raise ImuloopError(f"'{name}' is not a format{hint}")
+        raise ImuloopError(f"'{name}' is not a format{nearest(str(name), FORMATS)}")
     form = FORMATS[name]
     wanted = PAIR if {*paths} == {*PAIR} or name == "imu_tk" else ("log",)
     if {*paths} != {*wanted}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(wanted)}, given {' and '.join(paths)}"
         )
-    if wanted is PAIR:
-        form = replace(form, read=partial(tables.read_pair, form.read))
-    if not form.folder and (folders := [path for path in paths.values() if Path(path).is_dir()]):
-        raise ImuloopError(f"{folders[0]} is a folder, not a file")
-    return name, form
+    for path in paths.values():
+        if not form.folder and Path(path).is_dir():
+            raise ImuloopError(f"{path} is a folder, not a file")
+    read = partial(read_whole, name, form)
+    return name, replace(form, read=partial(tables.read_pair, read) if wanted is PAIR else read)
 
 
 def no_log(path):
-    """Return why a file that begins like this is a log of no format, or None."""
+    """Return the reason if a file that begins like this is a log of no format, else None."""
     head = _head(path)
     return next((why for start, why in _NO_LOGS.items() if head.startswith(start)), None)
 
@@ -114,7 +113,7 @@ def guess_format(paths):
     for signature, name in SIGNATURES.items():
         if head.startswith(signature):
             # an .npz is a zip of arrays
-            return "numpy" if name == "phone" and _FIRST_ARRAY.match(head) else name
+            return "numpy" if name == "phone" and path.suffix.lower() == ".npz" else name
     if json_lines.are_objects(head):
         return "jsonl"
     bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path

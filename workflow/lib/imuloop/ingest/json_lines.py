@@ -4,28 +4,25 @@ import csv
 import io
 import json
 import os
-from collections.abc import Mapping
 from itertools import islice
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.tables import HEAD_ROWS
 from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, unpacked
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
-# rows whose names are those of the table, and the deepest object in them
-_NAMED, _DEEPEST = 1000, 4
 
 
 def read(paths, columns=None):
     """Read JSON lines; a compressed file is unpacked.
 
-    The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
-    Columns are the members of the first rows; a line that is no object is a bad line.
+    The members of an object in an object are `OBJECT.MEMBER`, the members of a list `LIST[0]` and
+    on. Columns are the members of the first rows; any other line than an object is a bad line.
     """
-    path = paths["log"]
-    lines = unpacked(path).splitlines()
-    rows = [each for each in map(_members, islice(lines, _NAMED)) if each]
+    size, lines = os.path.getsize(paths["log"]), unpacked(paths["log"]).splitlines()
+    rows = [each for each in map(_members, islice(lines, HEAD_ROWS)) if each]
     names = list(dict.fromkeys(name for row in rows for name in row))
     if len(rows) < 2:
         raise RejectedLog(JSON_DOCUMENT)
@@ -39,7 +36,7 @@ def read(paths, columns=None):
             # a row of one field, which no table of several has
             writer.writerow(["?" * min(len(line), LONGEST_LINE)])
         # each line has all names, however few of them it holds
-        check_unpacked(os.path.getsize(path), table.tell())
+        check_unpacked(size, table.tell())
     return delimited.read({"log": table.getvalue().encode()}, columns)
 
 
@@ -68,12 +65,13 @@ def _members(line):
         return None
 
 
-def _flat(value, name="", depth=0):
+def _flat(value, name=""):
     """Give the name and text of each number or text in an object of JSON."""
-    if isinstance(value, Mapping | list) and depth < _DEEPEST:
-        inside = value.items() if isinstance(value, Mapping) else enumerate(value)
-        for key, each in inside:
-            part = f"[{key}]" if isinstance(value, list) else f".{key}" if name else f"{key}"
-            yield from _flat(each, name + part, depth + 1)
-    elif not isinstance(value, Mapping | list):
+    if isinstance(value, dict):
+        for key, member in value.items():
+            yield from _flat(member, f"{name}.{key}" if name else key)
+    elif isinstance(value, list):
+        for number, member in enumerate(value):
+            yield from _flat(member, f"{name}[{number}]")
+    else:
         yield one_line(name), "" if value is None else one_line(value)

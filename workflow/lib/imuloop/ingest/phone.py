@@ -7,6 +7,7 @@ to standardise. Here all become specific force.
 
 import csv
 import os
+import re
 import zipfile
 from contextlib import suppress
 from pathlib import PureWindowsPath
@@ -17,7 +18,7 @@ import pyarrow as pa
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import STAMP
-from imuloop.ingest.damage import check_unpacked, reject_damage
+from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor
 from imuloop.ingest.streams import choose
 from imuloop.ingest.tables import read_pair
@@ -25,27 +26,23 @@ from imuloop.ingest.text_layout import SPREADSHEET, find_layout
 
 # of text tables in a zip
 _TABLES = (*delimited.ENDINGS, ".tsv", ".tab")
+# rows of phyphox's clock: separator, seconds of the experiment, seconds since 1970
+_STARTS = re.compile(rb'(?mi)^"?START"?([;,\t])([\d.,E+-]+?)\1([\d.,E+-]+?)\1')
 # tables of Sensor Logger with gravity, and their units from iOS
 _WITH_GRAVITY = {"accelerometeruncalibrated": "g", "totalacceleration": "m/s^2"}
 
 
-@reject_damage
 def read(paths, columns=None):
     """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
-    What the phone has not corrected goes before what it has. Acceleration without gravity is never
-    taken by itself. `columns` names a file without the ending .csv, or three of ``FILE.COLUMN``.
+    Uncalibrated values go before those that the phone has corrected. Acceleration without gravity
+    is never taken by itself. `columns` names a file without the ending .csv, or three of
+    ``FILE.COLUMN``.
     """
-    with zipfile.ZipFile(paths["log"]) as archive:
-        size = sum(info.file_size for info in archive.infolist())
-        check_unpacked(os.path.getsize(paths["log"]), size)
-        texts, about = _texts(archive)
-        files = archive.namelist()
-    if any(name.startswith("xl/") or name == "content.xml" for name in files):
-        raise RejectedLog(SPREADSHEET)
+    texts, facts, clock = _texts(paths["log"])
     tables = {}
     for name, text in texts.items():
-        # notes of the user and headers without rows are no tables
+        # notes of the user and headers without rows are not tables
         with suppress(RejectedLog):
             tables[name] = find_layout(text)
     logger = any("seconds_elapsed" in table.names for table in tables.values())
@@ -55,21 +52,19 @@ def read(paths, columns=None):
     names = {name: table.names for name, table in tables.items()}
     chosen = choose(columns, names, usual, bare=True)
     used = [*dict.fromkeys(chosen.values())] or [*tables]
-    notes = [f"the table{'s' * (len(used) > 1)} {' and '.join(used)} of the zip"]
-    facts = [[cell.strip().lower() for cell in row] for row in about["Metadata"][:2]]
-    facts = dict(zip(*facts, strict=False))
+    notes, unit = [f"the table{'s' * (len(used) > 1)} {' and '.join(used)} of the zip"], None
     if logger and not facts:
         notes.append("no Metadata.csv: taken as SI with Android's signs; see units.acceleration")
-    unit = None
     if logger and facts.get("platform") == "ios" and facts.get("standardisation") != "true":
         unit = _WITH_GRAVITY.get(chosen.get("acceleration", "").lower())
     if unit:
-        notes.append("the sign of iOS is turned into that of specific force")
+        notes.append("iOS logs the opposite of specific force: its sign is turned")
         axes = columns.get("acceleration") or AXES
         columns["acceleration"] = [f"-{axis}".replace("--", "") for axis in axes]
 
     def read_table(paths, columns):
-        return _with_pauses(delimited.read(paths, columns), about["time"])
+        """Return the RawLog of one table."""
+        return _with_pauses(delimited.read(paths, columns), clock)
 
     if len(used) > 1:
         log = read_pair(read_table, {q: texts[name] for q, name in chosen.items()}, columns)
@@ -82,28 +77,30 @@ def read(paths, columns=None):
     return log
 
 
-def _texts(archive):
-    """Return the text tables by name, of a CSV without ending, and the cells of those about them.
+def _texts(path):
+    """Return the text tables of a zip by name, facts about the recording, and its clock.
 
-    phyphox puts these into the folder meta, Sensor Logger into Metadata.csv.
+    A CSV goes without its ending. Facts come from Sensor Logger's Metadata.csv, in lower case;
+    the clock is phyphox's meta/time.csv.
     """
-    texts, about = {}, {"Metadata": [], "time": []}
-    for info in archive.infolist():
-        # splits at / as well
-        place = PureWindowsPath(info.filename)
-        ending = place.suffix.lower()
-        if ending not in _TABLES or place.parts[0] == "__MACOSX" or place.name[0] == ".":
-            continue
-        name = one_line(place.stem if ending == ".csv" else place.name)
-        if name in texts:
-            raise RejectedLog(f"the zip holds two files {place.name[:80]!r}: give one recording")
-        if name == "Metadata" or place.parent.name == "meta":
-            lines = archive.read(info).decode("utf-8-sig", "replace").splitlines()
-            head = "".join(lines[:1])
-            about[name] = [*csv.reader(lines, delimiter=max(",;\t", key=head.count))]
-        else:
-            texts[name] = archive.read(info)
-    return texts, about
+    texts, about = {}, {"Metadata": b"", "time": b""}
+    with zipfile.ZipFile(path) as archive:
+        check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.infolist()))
+        for info in archive.infolist():
+            if info.filename.startswith("xl/") or info.filename == "content.xml":
+                raise RejectedLog(SPREADSHEET)
+            # splits at / as well
+            place = PureWindowsPath(info.filename)
+            ending = place.suffix.lower()
+            if ending not in _TABLES or place.parts[0] == "__MACOSX" or place.name[0] == ".":
+                continue
+            name = one_line(place.stem if ending == ".csv" else place.name)
+            if name in texts:
+                raise RejectedLog(f"the zip holds two files {name[:80]!r}: give one recording")
+            into = about if name == "Metadata" or place.parent.name == "meta" else texts
+            into[name] = archive.read(info)
+    facts = about["Metadata"].decode("utf-8-sig", "replace").lower().splitlines()
+    return texts, next(csv.DictReader(facts), {}), about["time"]
 
 
 def _usual(quantity, tables, logger):
@@ -114,25 +111,19 @@ def _usual(quantity, tables, logger):
         sensors = {q for q, usual in guess(header).items() if q in SENSORS and usual}
         if len(sensors) < 2:
             sensors = {named_sensor(" ".join([name, *header]))}
-        # that of Sensor Logger is without gravity
+        # in Sensor Logger's gravity is left out
         if quantity in sensors and not (logger and name.lower() == "accelerometer"):
             found.append(name)
     return [name for name in found if "uncal" in name.lower()] or found
 
 
-def _with_pauses(log, events):
+def _with_pauses(log, clock):
     """Return the log with stamps that go on in the pauses, in which phyphox stops its clock.
 
-    `events` are the rows of meta/time.csv: a name, seconds of the experiment, seconds since 1970.
+    `clock` is its table of events: a name, seconds of the experiment, seconds since 1970.
     """
-    starts = []
-    for row in events:
-        # a broken row tells nothing of the sensors
-        with suppress(ValueError, IndexError):
-            if row[0].strip().upper() == "START":
-                starts.append([float(row[i].replace(",", ".")) for i in (1, 2)])
-    starts = np.array(starts).reshape(-1, 2)
-    starts = starts[np.isfinite(starts).all(axis=1)]
+    events = [[x.replace(b",", b".") for x in row[1:]] for row in _STARTS.findall(clock)]
+    starts = np.array(events, dtype=float).reshape(-1, 2)
     begun = starts[:, 1] - starts[:, 0]
     # one that is set back makes no pause
     late = np.maximum.accumulate(begun - begun[:1])

@@ -22,82 +22,88 @@ class Stream:
 
     `stamps` are whole or decimal numbers, shape (n,), with the same unit in all streams of a log.
     `fields` maps names to values, shape (n,). `units` maps a quantity to its unit, if the format
-    states it.
+    states it. `notes` are lines that a user of this stream should know.
     """
 
     name: str
     stamps: np.ndarray
     fields: dict
     units: dict = field(default_factory=dict)
+    notes: list = field(default_factory=list)
+
+    @property
+    def names(self):
+        """Names of the fields as messages show them."""
+        return [*map(one_line, self.fields)]
+
+    def measures(self, quantity):
+        """Return whether fields with the usual names of a quantity hold any value but zero.
+
+        The result is None if no field has such a name.
+        """
+        zero = [
+            name for name, x in zip(self.names, self.fields.values(), strict=True) if not np.any(x)
+        ]
+        return not guess(zero)[quantity] if guess(self.names)[quantity] else None
 
     def log(self, columns):
         """Return the RawLog of the stream; `columns` are its own, as declared."""
-        names, columns = ["stamps", *map(one_line, self.fields)], {"time": 0} | columns
-        chosen = resolve(names, columns)
-        arrays = [self.stamps, *self.fields.values()]
-        held = [
-            pa.array(np.asarray(arrays[at], None if at == 0 else float))
-            for at in chosen.raw().values()
-        ]
-        units = {q: u for q, u in self.units.items() if q != "time" or columns["time"] == 0}
-        log = table_log(names, chosen, held, units=units)
-        stem = one_line(self.name)
-        for quantity, found in log.found.items():
-            several = isinstance(found, list)
-            log.found[quantity] = [f"{stem}.{x}" for x in found] if several else f"{stem}.{found}"
-        if columns["time"] == 0:
-            log.found["time"] = f"{stem} stamps"
-        return log
+        names, stem = self.names, one_line(self.name)
+        chosen = resolve(["stamps", *names], {"time": 0} | columns)
+        arrays = [self.stamps, *(np.asarray(x, float) for x in self.fields.values())]
+        held = [pa.array(np.asarray(arrays[at])) for at in chosen.raw().values()]
+        names = [f"{stem} stamps", *(f"{stem}.{name}" for name in names)]
+        return table_log(names, chosen, held, units=self.units, notes=[*self.notes])
+
+
+def rates(increments, interval, ticks_per_s=1):
+    """Return increments, shape (n,), over their own intervals, shape (n,), per s."""
+    # the product of ticks and single precision is exact, so that only the division rounds
+    return ticks_per_s * increments.astype(float) / np.where(interval > 0, interval, np.nan)
 
 
 def raw_log(streams, columns=None, notes=(), damage=()):
     """Return the RawLog of the streams that hold acceleration and angular rate.
 
-    `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. The
-    usual names of fields find what is left out. A time or temperature of None counts as not logged.
-    If the log lacks a quantity and `damage` says that something was lost, the data are at fault,
-    not the config.
+    `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. Other
+    quantities are found by the usual names of fields, in streams that measure anything. A time or
+    temperature of None counts as not logged. If the log lacks a quantity and `damage` says that
+    something was lost, the data are at fault, not the config.
     """
     columns, notes = dict(columns or {}), [*notes]
-    if columns.get("interval") is not None:
-        raise ImuloopError("columns.interval: only tables have one, no logs of several streams")
-    streams = {one_line(stream.name): stream for stream in streams}
+    for quantity in ("time", "interval"):
+        if columns.get(quantity) is not None:
+            raise ImuloopError(f"columns.{quantity}: only tables have one, no streams")
+    streams, usual = {one_line(stream.name): stream for stream in streams}, {}
     if not any(len(stream.stamps) for stream in streams.values()):
         raise RejectedLog("the log has no rows")
-    tables, usual = {name: [*map(one_line, s.fields)] for name, s in streams.items()}, {}
     for quantity in (*SENSORS, "temperature"):
-        found = [name for name, fields in tables.items() if guess(fields)[quantity]]
-        # a stream that holds nothing is no choice where another does
-        usual[quantity] = [name for name in found if len(streams[name].stamps)] or found
+        found = {name: stream.measures(quantity) for name, stream in streams.items()}
+        found = {name: measured for name, measured in found.items() if measured is not None}
+        usual[quantity] = [name for name, measured in found.items() if measured] or [*found]
+    tables = {name: stream.names for name, stream in streams.items()}
     try:
         chosen = choose(columns, tables, usual)
-        others = {key: owner(key, columns, tables) for key in ("temperature", "time")}
+        warm = owner("temperature", columns, tables)
     except Lacking as error:
         if not damage:
             raise
-        # the names of streams are enough
-        lacks = re.sub(r" \([^()]*\)", "", str(error))
-        raise RejectedLog(f"{lacks}; it may be lost to damage: {'; '.join(damage)}") from error
+        raise RejectedLog(f"{error}; it may be lost to damage: {'; '.join(damage)}") from error
     used = [*dict.fromkeys(chosen.values())]
     if not used:
         raise ImuloopError("no sensor: columns.acceleration and columns.angular_rate are null")
-    if others["time"] and {others["time"]} != {*used}:
-        raise ImuloopError(
-            f"columns.time: {others['time']} is not the clock of {' and '.join(used)}"
-        )
-    warm = [others["temperature"]] if others["temperature"] else usual["temperature"]
-    if "time" in columns or columns.get("temperature", 0) is None or {*used} & {*warm}:
-        warm = []
-    if len(warm) > 1:
-        line = f"temperature not read: {', '.join(warm)} hold one; name it in columns.temperature"
-        notes, warm = [*notes, line], []
-    logs = {}
-    for name in used + warm:
-        # what is declared of another stream is not logged in this one
-        whose = others | dict.fromkeys(SENSORS) | chosen
-        own = {q: None for q in whose if whose[q] != name and (q in columns or q in SENSORS)}
-        own |= {q: value for q, value in columns.items() if whose.get(q) == name}
-        logs[name] = streams[name].log(own)
+    thermometers = [warm] if warm else usual["temperature"]
+    if None in (columns.get("time", 0), columns.get("temperature", 0)) or {*used} & {*thermometers}:
+        thermometers = []
+    elif len(thermometers) > 1:
+        names, thermometers = ", ".join(thermometers), []
+        notes.append(f"temperature not read: {names} hold one; name it in columns.temperature")
+    logs, whose = {}, chosen | {"temperature": warm}
+    declared = {q: columns[q] for q in (*SENSORS, "temperature", "time") if q in columns}
+    for name in used + thermometers:
+        # a quantity that is declared of another stream is not logged in this one
+        others = {quantity: None for quantity, owns in whose.items() if owns not in (None, name)}
+        logs[name] = streams[name].log(declared | others)
     for quantity, name in chosen.items():
         if quantity not in logs[name].found:
             raise lacking(quantity, logs[name].columns)
@@ -117,7 +123,7 @@ def names_in(columns):
 def choose(columns, tables, usual, bare=False):
     """Return sensor -> name of its table, from those declared, else from the `usual` ones.
 
-    A table that holds both sensors goes before those of one. Parameters are as in `owner`.
+    A table that holds both sensors goes before tables of one. Parameters are as in `owner`.
     """
     found = {}
     for quantity in SENSORS:
@@ -151,8 +157,7 @@ def owner(key, columns, tables, bare=False):
     if (declared := columns.get(key)) is None:
         return None
     parts = [str(part) for part in np.ravel(declared)]
-    inside = [f"{part.removeprefix('-')}." for part in parts]
-    named = [name for name in tables if all(part.startswith(f"{name}.") for part in inside)]
+    named = [n for n in tables if all(f"{p.removeprefix('-')}.".startswith(f"{n}.") for p in parts)]
     if not named:
         if bare and not isinstance(declared, str):
             return None
@@ -161,8 +166,9 @@ def owner(key, columns, tables, bare=False):
             f"{did_you_mean(parts[0], tables, 0.5)}"
         )
     name = max(named, key=len)
-    parts = [part.replace(f"{name}.", "", 1) for part in parts]
-    columns[key] = parts if isinstance(declared, (list, tuple)) else parts[0]
     if declared == name:
         del columns[key]
+    else:
+        parts = [part.replace(f"{name}.", "", 1) for part in parts]
+        columns[key] = parts[0] if isinstance(declared, str) else parts
     return name

@@ -1,5 +1,7 @@
 """Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -9,7 +11,7 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed
 from imuloop.ingest.join import SENSOR_OF, join
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import AXES, SENSORS, words_of
+from imuloop.ingest.spellings import AXES, SENSORS, unit_of, words_of
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -24,11 +26,11 @@ HEAD_ROWS, _TURNS = 1000, 0.1
 # Hz; slowest and fastest rate of a log, which tells the unit of Unix stamps
 _RATES = (0.1, 1e5)
 # Xsens counts 100 us in sample_time_fine, but 1 us in a DOT; a DOT has at most 120 Hz, so that its
-# steps are longer than so many ticks
+# steps are longer than `_LONG_STEP` ticks
 _TICKS, _TICK_US, _LONG_STEP = "sample_time_fine", 100, 5000
 
 
-def table_log(names, chosen, columns, headed=True, **known):
+def table_log(names, chosen, columns, headed=True, tick=1, **known):
     """Return the RawLog of a table.
 
     Parameters
@@ -39,6 +41,10 @@ def table_log(names, chosen, columns, headed=True, **known):
         Which of these are read.
     columns : list of pyarrow.Array
         Those at the positions of ``chosen.raw()``, in their order.
+    headed : bool
+        Whether the names are the table's, not numbers.
+    tick : float
+        Units of time in one step of the time stamps.
     **known
         Attributes of the RawLog that the file states itself.
     """
@@ -50,16 +56,29 @@ def table_log(names, chosen, columns, headed=True, **known):
         unread=len(names) - len(set(chosen.raw().values())),
         **known,
     )
-    if tick := _unit_of_stamps(log):
-        ticks, log.units["time"] = tick
-        log.batch = multiplied(log.batch, ticks)
+    if unit := _unit_of_stamps(log):
+        tick, log.units["time"] = unit
+    at = log.batch.schema.get_field_index(STAMP)
+    # dates have no tick
+    if tick != 1 and at >= 0 and not pa.types.is_timestamp(log.batch[STAMP].type):
+        log.batch = log.batch.set_column(at, STAMP, pc.multiply(log.batch[STAMP], tick))
     return _without_turns(log)
+
+
+def stated_units(chosen, texts):
+    """Return quantity -> unit of the chosen columns; `texts` are the units of all columns."""
+    # as in a column's name
+    names, units = [f"[{text.strip('[]{} ')}]" for text in texts], {}
+    for quantity in ("time", *SENSORS, "temperature"):
+        if (where := getattr(chosen, quantity)) is not None:
+            units[quantity] = unit_of(quantity, where, names, quantity in chosen.increments)
+    return {quantity: unit for quantity, unit in units.items() if unit}
 
 
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _unit_of_stamps(log):
-    """Return how many units one tick of the stamps is, and the unit; None if it is not clear.
+    """Return the units in one tick of the stamps, and the unit; None if it is not clear.
 
     It is clear if they are Unix time in a finer unit than s, at a rate that a log has, or ticks of
     Xsens.
@@ -80,14 +99,6 @@ def _unit_of_stamps(log):
         if date is not None and _RATES[0] <= 1e9 / (step * NANOSECONDS[unit]) <= _RATES[1]:
             return 1, unit
     return None
-
-
-def multiplied(batch, ticks):
-    """Return a raw batch with stamps that are multiplied by a number; dates stay."""
-    at = batch.schema.get_field_index(STAMP)
-    if ticks == 1 or at < 0 or pa.types.is_timestamp(batch.schema.field(at).type):
-        return batch
-    return batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
 
 
 def _raw_batch(names, chosen, columns):
@@ -111,40 +122,38 @@ def _raw_batch(names, chosen, columns):
 
 
 def doubles(column):
-    """Return a column as float64; what is missing becomes NaN."""
+    """Return a column as float64; missing values become NaN."""
     # whole numbers of more than 53 bits are rounded
     column = column.cast(pa.float64(), safe=False)
     return column.fill_null(float("nan")) if column.null_count else column
 
 
 def _without_turns(log):
-    """Return the log; if its rows hold one sensor each, that of its two streams."""
+    """Return the log; if its rows hold one sensor each, the log of its two streams, joined."""
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log
+
+    def rows_without(lacks, batch):
+        """Return which rows lack all axes of a sensor, shape (2, n)."""
+        values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
+        return lacks(values).all(axis=1)
+
     head = log.batch.slice(0, HEAD_ROWS)
-    head = np.array([head[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
-    many = _TURNS * head.shape[-1]
-    empty, zero = (lacks(head).all(axis=1) for lacks in (np.isnan, np.logical_not))
+    many = _TURNS * head.num_rows
+    empty, zero = rows_without(np.isnan, head), rows_without(np.logical_not, head)
     turns = [np.count_nonzero(np.diff(rows), axis=1) > many for rows in (empty, zero)]
-    if turns[0].any():
-        lacks = np.isnan
     # a gyroscope in whole deg/s can be zero at rest: each has to be, and no row may hold both
-    elif turns[1].all() and np.count_nonzero(zero[0] == zero[1]) < many:
-        lacks = np.logical_not
-    else:
+    zeros = turns[1].all() and np.count_nonzero(zero[0] == zero[1]) < many
+    if not (turns[0].any() or zeros):
         return log
-    logs = {}
-    for quantity, names in SENSORS.items():
+    lost, logs = rows_without(np.isnan if turns[0].any() else np.logical_not, log.batch), {}
+    notes = [*log.notes, "the rows hold the accelerometer and the gyroscope in turn"]
+    for (quantity, names), absent in zip(SENSORS.items(), lost, strict=True):
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
-        there = ~lacks(np.array([log.batch[name] for name in names])).all(axis=0)
-        batch = log.batch.filter(pa.array(there)).select([STAMP, *names, *more])
+        batch = log.batch.filter(pa.array(~absent)).select([STAMP, *names, *more])
         found = {key: log.found[key] for key in ("time", quantity, *more)}
-        same = {"units": log.units, "columns": log.columns, "simulated": log.simulated}
-        logs[SENSOR_OF[quantity]] = RawLog(batch=batch, found=found, **same)
-    merged = join(logs)
-    merged.notes[:0] = [*log.notes, "the rows hold the accelerometer and the gyroscope in turn"]
-    merged.lose(log)
-    return merged
+        logs[SENSOR_OF[quantity]] = replace(log, batch=batch, found=found, notes=notes)
+    return join(logs)
 
 
 def read_pair(read, sources, columns=None):

@@ -6,14 +6,14 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
+import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# how much of a file is looked at to find its layout, bytes; what has no line end in it is no table
+# bytes of a file that show its layout; without a line end in them the file is not a table
 LONGEST_LINE = 1 << 16
 # rows by which a separator is judged, at least
 _JUDGED = 64
@@ -24,7 +24,7 @@ COMMENT = re.compile(r"\s*(#|%|//)+\s*")
 LEAST = len(AXES)
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
-# what a serial monitor puts before each line: its time of the day
+# a serial monitor puts its time of the day before each line
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
@@ -47,7 +47,7 @@ class Layout:
 
     `separator` is a comma, tab, semicolon, bar, or a blank that stands for any number of blanks;
     `names` are numbers where the file has none (`headed`); rows begin at the byte `start`, `before`
-    are the fields of lines before header and rows; `units` are those of a row below the header,
+    are the fields of lines before header and rows; `units` are in a row below the header,
     else empty; `rows` are the fields of the first rows. In all lines each pattern of `rewrites`
     gives place to its replacement, in this order: a decimal comma becomes a point, and blanks that
     follow each other a tab.
@@ -65,11 +65,7 @@ class Layout:
 
 def find_layout(source, least=LEAST):
     """Return the layout of a text table of `least` columns or more (path or bytes)."""
-    try:
-        with _opened(source) as stream:
-            head = stream.read(LONGEST_LINE)
-    except OSError as error:
-        raise unreadable(error) from error
+    head = bytes(unpacked(source, LONGEST_LINE))
     # every second byte, or three of four
     if head[:256].count(0) > 0.4 * len(head[:256]):
         raise RejectedLog(_BINARY)
@@ -99,18 +95,12 @@ def find_layout(source, least=LEAST):
     if (separator == BLANKS and not any(guess(comment).values())) or any(map(is_number, comment)):
         comment = []
     options = (labels if rewrites else (), *header[:1], comment)
-    names, units = next((each for each in options if len(each) == width), None), []
-    for more in header[1:]:
-        if any(stated_unit(quantity, text) for quantity in SENSORS for text in more):
-            units = [*more, *[""] * arrow]
-        elif {*AXES} <= {end.lower() for text in more for end in (text[:1], text[-1:])}:
-            # a name above several columns is that of each
-            above = pd.Series(names).replace("", None).ffill().fillna("")
-            names = [f"{name} {part}".strip() for name, part in zip(above, more, strict=True)]
+    names = next((each for each in options if len(each) == width), None)
+    units = next(filter(_are_units, header[1:]), [])
     if arrow:
         # the time becomes the last column
         rewrites.append((_ARROW, rb"\2" + separator.encode() + rb"\1"))
-    # the point of a date is not that of the numbers beside it
+    # the point of a date is not the point of numbers in other columns
     numbers = [x for row in rows[begin:] for x in row if is_number(x) and not _DATE.match(x)]
     if any("," in x for x in numbers) and not any("." in x for x in numbers) and separator != ",":
         rewrites.append((b",", b"."))
@@ -122,33 +112,33 @@ def find_layout(source, least=LEAST):
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:start]),
         before=rows[: (top or [first])[0]],
-        units=units,
+        units=[*units, *[""] * arrow] if units else [],
         rewrites=rewrites,
         rows=rows[begin:],
     )
 
 
-def _opened(source):
-    """Return the text of a file, unpacked, or of bytes, as a stream."""
-    stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
-    head = stream.read(max(map(len, _PACKINGS)))
-    stream.seek(0)
-    packing = next((name for magic, name in _PACKINGS.items() if head.startswith(magic)), None)
-    return pa.CompressedInputStream(stream, packing) if packing else stream
+def _are_units(fields):
+    """Tell whether one of the fields is a unit of a sensor."""
+    return any(stated_unit(quantity, text) for quantity in SENSORS for text in fields)
 
 
-def unpacked(source):
-    """Return all of the text of a file, unpacked, or of bytes."""
+def unpacked(source, most=None):
+    """Return the text of a file, unpacked, or of bytes: its first bytes, if `most` are wanted."""
     packed = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
     text = bytearray()
     try:
-        with _opened(source) as stream:
-            while part := stream.read(LONGEST_LINE):
+        stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
+        head = stream.read(max(map(len, _PACKINGS)))
+        stream.seek(0)
+        packing = next((name for start, name in _PACKINGS.items() if head.startswith(start)), None)
+        with pa.CompressedInputStream(stream, packing) if packing else stream as file:
+            while (part := file.read(LONGEST_LINE)) and len(text) < (most or np.inf):
                 text += part
                 check_unpacked(packed, len(text))
     except OSError as error:
         raise unreadable(error) from error
-    return text
+    return text[:most]
 
 
 def unreadable(error):
@@ -163,7 +153,7 @@ def _separator(rows, least, json):
     for separator in _SEPARATORS if rows else ():
         table = [fields_of(row, separator) for row in rows]
         width, alike = Counter(map(len, table)).most_common(1)[0]
-        # rows of several kinds, each with a number of its own fields, are a table too
+        # rows of several kinds, which differ in their number of fields, are a table too
         long = [row for row in table if len(row) >= least]
         given = [text for row in long for text in row if text]
         numeric = sum(map(is_number, given)) / max(1, len(given)) * len(long) / len(rows)
@@ -186,9 +176,8 @@ def decoded(line):
 
 def fields_of(line, separator):
     """Return the fields of a line, none where its quotes do not fit."""
-    if separator == BLANKS or '"' not in line:
-        # the csv module takes a line end or a zero otherwise than as a part of a field
-        return [field.strip() for field in line.split(separator.strip(" ") or None)]
+    if separator == BLANKS:
+        return line.split()
     try:
         [fields] = csv.reader([line], delimiter=separator, skipinitialspace=True)
     except (csv.Error, ValueError):

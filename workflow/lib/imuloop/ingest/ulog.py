@@ -5,9 +5,8 @@ import io
 import numpy as np
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
 
 # topic of PX4 to the fields of each sensor, by number or name of the axis; from `_CORRECTED` PX4
 # has removed its own calibration
@@ -35,7 +34,6 @@ _MOST_TIMES = 10
 _NO_ACCELERATION = 0x7FFFFFFF
 
 
-@reject_damage
 def read(paths, columns=None):
     """Read a ULog file.
 
@@ -60,30 +58,27 @@ def read(paths, columns=None):
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
     raw = raw_log(streams, columns, notes, damage)
-    raw.sensor_ids = _sensor_ids(log, raw.found)
-    force = raw.found.get("acceleration", [""])[0]
-    if force.startswith(_CORRECTED):
-        raw.notes.append(
-            f"{force.partition('.')[0]} is corrected by PX4's own calibration; in newer logs "
-            "sensor_accel and sensor_gyro are not"
-        )
+    topics = {f"{topic.name}_{topic.multi_id}": topic.data for topic in log.data_list}
+    for quantity, names in raw.found.items():
+        if quantity in _IDS:
+            data = topics[names[0].partition(".")[0]]
+            raw.sensor_ids |= _sensor_id(quantity, data, log.initial_parameters)
     return raw
 
 
-def _sensor_ids(log, found):
-    """Return device id and slot of each sensor, as PX4 has them in CAL_ACC0_ID and the like.
+def _sensor_id(quantity, data, parameters):
+    """Return the name of a sensor -> its device id and slot, as PX4 has them in CAL_ACC0_ID.
 
-    The id is that of the sensor's topic, else of PX4's parameters where these know one sensor.
+    The id is that in the `data` of the sensor's topic, else of PX4's parameters where these know
+    one sensor; the result is empty without.
     """
-    topics, ids = {f"{t.name}_{t.multi_id}": t.data for t in log.data_list}, {}
-    for quantity, (sensor, short, fields) in _IDS.items():
-        slots = {log.initial_parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
-        data = topics.get(found.get(quantity, [""])[0].partition(".")[0], {})
-        known = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
-        known = known or {*slots} - {0, None}
-        if len(known) == 1 and 0 < (one := known.pop()) < 1 << 31:
-            ids[sensor] = {"id": one, "slot": slots.get(one, 0)}
-    return ids
+    sensor, short, fields = _IDS[quantity]
+    slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
+    known = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
+    known = known or {*slots} - {0, None}
+    if len(known) != 1 or not 0 < (one := known.pop()) < 1 << 31:
+        return {}
+    return {sensor: {"id": one, "slot": slots.get(one, 0)}}
 
 
 class _Tape(io.BytesIO):
@@ -113,30 +108,32 @@ def _streams(topic):
     stamps = sampled if sampled is not None and sampled.any() else fields.get("timestamp")
     if stamps is None or stamps.dtype.kind not in "iu":
         return []
-    stamps = stamps.astype(np.int64)
+    stamps, notes = stamps.astype(np.int64), []
+    if topic.name in _CORRECTED:
+        notes.append(
+            f"{name} is corrected by PX4's own calibration; in newer logs sensor_accel and "
+            "sensor_gyro are not"
+        )
     if topic.name.endswith("_fifo"):
         stamps, fields = _unpacked(stamps, fields)
     for quantity, form in _TOPICS.get(topic.name, {}).items():
-        names = [form.format(*axis) for axis in enumerate(AXES)]
-        if not {*names} <= {*fields}:
-            continue
-        values = [fields[each] for each in names]
-        if (interval := fields.get(_INTERVALS[quantity])) is not None:
-            # 1e6 times float32 is exact, so that only the division rounds
-            dt = np.where(interval > 0, interval, np.nan)
-            values = [1e6 * x.astype(float) / dt for x in values]
-        fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
+        names = {f"{quantity}.{axis}": form.format(i, axis) for i, axis in enumerate(AXES)}
+        if {*names.values()} <= {*fields}:
+            usual = {axis: fields[x] for axis, x in names.items()}
+            if (interval := fields.get(_INTERVALS[quantity])) is not None:
+                usual = {axis: rates(x, interval, 1e6) for axis, x in usual.items()}
+            fields |= usual
     relative = fields.get("accelerometer_timestamp_relative")
     if relative is None or "acceleration.x" not in fields:
-        return [Stream(name, stamps, fields, AUTOPILOT)]
+        return [Stream(name, stamps, fields, AUTOPILOT, notes)]
     missing = relative == _NO_ACCELERATION
     force = {f"acceleration.{a}": fields.pop(f"acceleration.{a}") for a in AXES}
     force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
     later = np.where(missing, 0, relative.astype(np.int64))
     if not later.any():
-        return [Stream(name, stamps, fields | force, AUTOPILOT)]
+        return [Stream(name, stamps, fields | force, AUTOPILOT, notes)]
     # the two sensors were sampled at different times
-    force = Stream(f"{name}.accelerometer", stamps + later, force, AUTOPILOT)
+    force = Stream(f"{name}.accelerometer", stamps + later, force, AUTOPILOT, notes)
     return [Stream(name, stamps, fields, AUTOPILOT), force]
 
 
