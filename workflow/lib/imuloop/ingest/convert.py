@@ -10,7 +10,7 @@ from imuloop.core.samples import CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, T
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.ingest import increments, misread
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import HELD
+from imuloop.ingest.columns import HELD, STAMP
 from imuloop.ingest.spellings import SENSORS
 
 # what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
@@ -68,85 +68,95 @@ def no_samples(log):
 
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def si_samples(rows, timing, log, units, raw_units):
+def si_samples(rows, log, units, raw_units):
     """Return the columns of the samples of a log, `t` strictly increasing from 0, and the `Counts`.
 
     Parameters
     ----------
-    rows, timing, log : Rows, Timing, RawLog
-        Rows of the log, when they were sampled, and the log as it was read.
+    rows, log : Rows, RawLog
+        Rows of the log on one clock, and the log as it was read.
     units, raw_units : dict
         Name of each unit, and `RawUnit` of each sensor, by quantity.
     """
-    steps, ends_gap = rows.scale, np.zeros(len(rows.x), dtype=bool)
-    summed, first = increments.factors(units), ends_gap
-    if log.slower and summed:
+    steps, ends_gap, first = rows.scale, np.zeros(len(rows.x), dtype=bool), None
+    if log.slower and (summed := increments.factors(units)):
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    if timing.even:
-        steps = timing.even.step
+    if rows.even:
+        steps = rows.even.step
     elif increments.by_stamps(log, units):
-        dt = (timing.x - timing.before) * timing.scale
-        steps, ends_gap = increments.intervals(dt, timing.usual)
-        first = timing.before < timing.origin
+        dt = (rows.x - rows.before) * rows.scale
+        steps, ends_gap = increments.intervals(dt, rows.usual)
+        first = rows.before < rows.origin
+    stamps = rows.stamps[STAMP][0] if rows.stamped else None
     raw = rows.values | increments.rates(rows, steps, units)
-    values = {name: raw[name] for name in CHANNELS}
-    for quantity in {*SENSORS} & {*log.found}:
-        values |= {name: raw_units[quantity].to_si(raw[name]) for name in SENSORS[quantity]}
-    if log.temperature:
-        scale, zero = DEGREES[units["temperature"]]
-        values[TEMPERATURE] = (raw[TEMPERATURE] - zero) * scale
-    missing, impossible, bad = {}, {}, ~timing.usable
-    for name, x in values.items():
-        lacks = ~np.isfinite(raw[name])
-        beyond = ~lacks & (np.abs(x) > BEYOND)
-        missing[name] = int(np.count_nonzero(timing.inside & lacks))
-        impossible[name] = int(np.count_nonzero(timing.inside & beyond))
-        if name == TEMPERATURE:
-            values[name] = np.where(lacks | beyond, np.nan, x)
-        else:
-            bad |= lacks | beyond
-    # what becomes of each row, the first that is true
-    masks = {
-        "identical": rows.same,
-        "outside": ~timing.inside,
-        "non_finite": bad,
-        # a clock that is rebuilt takes the rows as they come
-        "duplicates": (timing.x == timing.before) & (timing.even is None),
-        "out_of_order": (timing.x < timing.before) & (timing.even is None),
-        "without_interval": first,
-    }
-    fate = np.select([*masks.values()], range(1, 7), 0)
-    keep, numbers = fate == 0, np.bincount(fate, minlength=7)[1:].tolist()
     counts = Counts(
-        **dict(zip(masks, numbers, strict=True)),
-        by_usual_step=int((keep & ends_gap).sum()),
         read=len(rows.x),
-        missing_values=missing,
-        impossible_values=impossible,
-        time_unit=timing.time_unit,
-        clock=timing.clock,
+        missing_values=dict.fromkeys(raw, 0),
+        impossible_values=dict.fromkeys(raw, 0),
+        time_unit=rows.time_unit,
+        clock=rows.clock,
         is_gravity=misread.is_gravity(rows.values),
-        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else None,
+        in_two_units=misread.in_two_units(stamps, rows.values) if rows.stamped else None,
     )
-    counts.increments = increments.figures(log, units, counts, timing)
+    values, bad = {}, ~rows.usable
+    for name, x in raw.items():
+        values[name] = x = _to_si(name, x, log, units, raw_units)
+        wrong = ~(np.abs(x) <= BEYOND)
+        if not wrong.any():
+            continue
+        lacks = ~np.isfinite(raw[name])
+        counts.missing_values[name] = int(np.count_nonzero(rows.inside & lacks))
+        counts.impossible_values[name] = int(np.count_nonzero(rows.inside & wrong & ~lacks))
+        if name == TEMPERATURE:
+            values[name] = np.where(wrong, np.nan, x)
+        else:
+            bad |= wrong
+    # what becomes of each row, the first that is true
+    fates = {
+        "identical": rows.same,
+        "outside": ~rows.inside,
+        "non_finite": bad,
+    }
+    # a clock that is rebuilt takes the rows as they come
+    if not rows.even:
+        fates |= {"duplicates": rows.x == rows.before, "out_of_order": rows.x < rows.before}
+    if first is not None:
+        fates["without_interval"] = first
+    keep = np.ones(len(rows.x), dtype=bool)
+    for name, mask in fates.items():
+        setattr(counts, name, int(np.count_nonzero(keep & mask)))
+        keep &= ~mask
+    counts.by_usual_step = int(np.count_nonzero(keep & ends_gap))
+    counts.increments = increments.figures(log, units, counts, rows)
     if not keep.any():
         return no_samples(log), counts
-    zero, t = timing.x[keep][0].item(), timing.times(keep)
-    counts.origin, counts.begin_s = timing.origin, float((zero - timing.origin) * timing.scale)
-    counts.start_ns = timing.moment(zero)
-    samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
-    if timing.even:
-        number = timing.even.number(timing.number[keep])
-        samples |= {TIME: (number - number[0]) * timing.even.step, LOGGED_TIME: t}
-    if timing.timeline:
-        counts.pps = timing.timeline.figures_beside(timing.x[keep])
+    zero, t = rows.x[keep.argmax()].item(), rows.times(keep)
+    counts.origin, counts.begin_s = rows.origin, float((zero - rows.origin) * rows.scale)
+    counts.start_ns = rows.moment(zero)
+    samples = {TIME: t} | (values if keep.all() else {n: x[keep] for n, x in values.items()})
+    if rows.even:
+        number = rows.even.number(rows.number[keep])
+        samples |= {TIME: (number - number[0]) * rows.even.step, LOGGED_TIME: t}
+    if rows.timeline:
+        counts.pps = rows.timeline.figures_beside(rows.x[keep])
     if log.slower:
-        own = (rows.stamps[HELD][0][keep] - zero) * timing.scale
-        if timing.even:
+        own = (rows.stamps[HELD][0][keep] - zero) * rows.scale
+        if rows.even:
             # rebuilt with the time stamps of the rows
             _, first, which = np.unique(own, return_index=True, return_inverse=True)
             own = samples[TIME][first][which]
         samples[OWN_TIME[log.slower]] = own
     return samples, counts
+
+
+def _to_si(name, raw, log, units, raw_units):
+    """Return a channel, (n,), in SI, the temperature in degC; the same array if it is in them."""
+    if name == TEMPERATURE:
+        scale, zero = DEGREES[units["temperature"]]
+        return raw if (scale, zero) == (1.0, 0.0) else (raw - zero) * scale
+    quantity = next(q for q, axes in SENSORS.items() if name in axes)
+    unit = raw_units[quantity]
+    same = quantity not in log.found or (unit.scale, unit.offset) == (1.0, 0.0)
+    return raw if same else unit.to_si(raw)

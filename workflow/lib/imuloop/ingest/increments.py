@@ -55,21 +55,21 @@ def intervals(dt, usual):
     return np.where(wide, usual or 1.0, dt), wide
 
 
-def figures(log, units, counts, timing):
+def figures(log, units, counts, rows):
     """Return what quality.json says of increments; None where there are none.
 
-    `timing` is the `Timing` of the log.
+    `rows` are the `Rows` of the log.
     """
     sensors = {sensor: units[sensor] for sensor in factors(units)}
     if not sensors:
         return None
-    interval = "step of the rows, rebuilt" if timing.even else _BY_STAMPS
-    if "interval" in log.found or not timing.rows.stamped:
-        interval = "logged" if "interval" in log.found else timing.time_unit
+    interval = "step of the rows, rebuilt" if rows.even else _BY_STAMPS
+    if "interval" in log.found or not rows.stamped:
+        interval = "logged" if "interval" in log.found else rows.time_unit
     return {
         "sensors": sensors,
         "interval": interval,
-        "usual_step_s": timing.usual,
+        "usual_step_s": rows.usual,
         "without_interval": counts.without_interval,
         "by_usual_step": counts.by_usual_step,
     }

@@ -22,11 +22,11 @@ from imuloop.ingest.convert import Counts, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.places import PAIR, for_reader, in_config
 from imuloop.ingest.plausible import milliseconds
-from imuloop.ingest.raw_log import RawLog, absent_sensor, all_rows
+from imuloop.ingest.raw_log import RawLog, absent_sensor
+from imuloop.ingest.rows import find_rows
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
 from imuloop.ingest.stamps import iso_text
-from imuloop.ingest.timing import find_timing
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
@@ -206,17 +206,16 @@ def convert(reading, declared):
     try:
         if reading.fault:
             raise reading.fault
-        rows = all_rows(log, units, declared.rate)
+        rows = find_rows(log, units, declared, reading.files.get("pps"))
         if not counts.read:
             return no_samples(log), counts
-        timing = find_timing(rows, log, units, declared, reading.files.get("pps"))
-        samples, counts = si_samples(rows, timing, log, units, reading.raw_units)
+        samples, counts = si_samples(rows, log, units, reading.raw_units)
     except RejectedLog as error:
         return no_samples(log), replace(counts, reasons=[str(error)])
-    if timing.logged is not None:
-        counts.logged = quality.time_figures(timing.logged)
+    if rows.logged is not None:
+        counts.logged = quality.time_figures(rows.logged)
         del counts.logged["rows"]
-        counts.rebuilt = even_stamps.rebuilt_line(timing, counts.logged)
+        counts.rebuilt = even_stamps.rebuilt_line(rows)
     return samples, counts
 
 
@@ -250,7 +249,7 @@ def check(reading, samples, counts, declared, kind):
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
         # the rate is wrong, and what was found by it
-        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
+        many = figures["gaps"]["count"] > 1000
         wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
     if _state(reading.files.values()) != reading.state:

@@ -62,14 +62,14 @@ class Timeline:
         return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
-def find_timeline(timing, log, tick, columns, path=None):
+def find_timeline(rows, log, columns, path=None):
     """Return GNSS time over the counter of a log, its time column.
 
     Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
     `path`, by default its first two. `timing` is that of the mended counter, of `tick` ns. Marks
     that do not fit the log reject it.
     """
-    rows = timing.rows
+    tick = rows.tick
     faults = {
         "only tables hold columns of marks; name a file in pps.file": not (
             path or log.found.get("pps")
@@ -79,7 +79,7 @@ def find_timeline(timing, log, tick, columns, path=None):
     }
     for fault in (text for text, found in faults.items() if found):
         raise ImuloopError(f"pps: {fault}")
-    if timing.clock.resets:
+    if rows.clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
     if path is None:
         stamps = rows.stamps["pps.counter"], rows.stamps["pps.time"]
@@ -90,14 +90,14 @@ def find_timeline(timing, log, tick, columns, path=None):
         where = [position(key, column, **known) for key, column in named.items()]
         stamps = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
     (counters, fine, _), (times, known, dated) = stamps
-    known = known & fine & (timing.usable if path is None else True)
+    known = known & fine & (rows.usable if path is None else True)
     counters, times = counters[known], times[known]
     if not len(counters):
         raise RejectedLog(f"1PPS: {path or 'the log'} holds no marks")
     # a log repeats the last mark in each row
     new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))
-    own = timing.x[timing.usable]
-    counters = _align(counters[new], timing.clock.span_in(tick), own, tick)
+    own = rows.x[rows.usable]
+    counters = _align(counters[new], rows.clock.span_in(tick), own, tick)
     return _fit_timeline(counters, times[new], dated, own, tick * 1e-9)
 
 
