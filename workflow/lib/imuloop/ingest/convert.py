@@ -68,74 +68,61 @@ def no_samples(log):
 
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def si_samples(rows, log, units, raw_units):
-    """Return the columns of the samples of a log, `t` strictly increasing from 0, and the `Counts`.
+def si_samples(rows, raw_units):
+    """Return the columns of the samples of `Rows`, `t` rising from 0, and the `Counts`.
 
-    Parameters
-    ----------
-    rows, log : Rows, RawLog
-        Rows of the log on one clock, and the log as it was read.
-    units, raw_units : dict
-        Name of each unit, and `RawUnit` of each sensor, by quantity.
+    `raw_units` are the `RawUnit` of each sensor by quantity.
     """
-    steps, ends_gap, first = rows.scale, np.zeros(len(rows.x), dtype=bool), None
-    if log.slower and (summed := increments.factors(units)):
+    log, summed = rows.log, increments.factors(rows.units)
+    if log.slower and summed:
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    if rows.even:
-        steps = rows.even.step
-    elif increments.by_stamps(log, units):
-        dt = (rows.x - rows.before) * rows.scale
-        steps, ends_gap = increments.intervals(dt, rows.usual)
-        first = rows.before < rows.origin
-    stamps = rows.stamps[STAMP][0] if rows.stamped else None
-    raw = rows.values | increments.rates(rows, steps, units)
+    values, first, wide, usual = increments.rates(rows)
+    values = rows.values | values
     counts = Counts(
         read=len(rows.x),
-        missing_values=dict.fromkeys(raw, 0),
-        impossible_values=dict.fromkeys(raw, 0),
+        missing_values=dict.fromkeys(values, 0),
+        impossible_values=dict.fromkeys(values, 0),
         time_unit=rows.time_unit,
         clock=rows.clock,
         is_gravity=misread.is_gravity(rows.values),
-        in_two_units=misread.in_two_units(stamps, rows.values) if rows.stamped else None,
     )
-    values, bad = {}, ~rows.usable
-    for name, x in raw.items():
-        values[name] = x = _to_si(name, x, log, units, raw_units)
+    if rows.stamped:
+        counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
+    inside, before, bad = rows.inside, rows.before, ~rows.usable
+    for name, raw in values.items():
+        values[name] = x = _to_si(name, raw, rows, raw_units)
         wrong = ~(np.abs(x) <= BEYOND)
-        if not wrong.any():
-            continue
-        lacks = ~np.isfinite(raw[name])
-        counts.missing_values[name] = int(np.count_nonzero(rows.inside & lacks))
-        counts.impossible_values[name] = int(np.count_nonzero(rows.inside & wrong & ~lacks))
-        if name == TEMPERATURE:
-            values[name] = np.where(wrong, np.nan, x)
-        else:
-            bad |= wrong
-    # what becomes of each row, the first that is true
+        if wrong.any():
+            lacks = ~np.isfinite(raw)
+            counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
+            counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))
+            if name == TEMPERATURE:
+                values[name] = np.where(wrong, np.nan, x)
+            else:
+                bad |= wrong
+    # what becomes of each row, the first that is true; an even clock takes rows as they come
     fates = {
         "identical": rows.same,
-        "outside": ~rows.inside,
+        "outside": ~inside,
         "non_finite": bad,
+        "duplicates": (rows.x == before) & (not rows.even),
+        "out_of_order": (rows.x < before) & (not rows.even),
+        "without_interval": first,
     }
-    # a clock that is rebuilt takes the rows as they come
-    if not rows.even:
-        fates |= {"duplicates": rows.x == rows.before, "out_of_order": rows.x < rows.before}
-    if first is not None:
-        fates["without_interval"] = first
     keep = np.ones(len(rows.x), dtype=bool)
     for name, mask in fates.items():
         setattr(counts, name, int(np.count_nonzero(keep & mask)))
         keep &= ~mask
-    counts.by_usual_step = int(np.count_nonzero(keep & ends_gap))
-    counts.increments = increments.figures(log, units, counts, rows)
+    counts.by_usual_step = int(np.count_nonzero(keep & wide))
+    counts.increments = increments.figures(rows, counts, usual)
     if not keep.any():
         return no_samples(log), counts
     zero, t = rows.x[keep.argmax()].item(), rows.times(keep)
-    counts.origin, counts.begin_s = rows.origin, float((zero - rows.origin) * rows.scale)
-    counts.start_ns = rows.moment(zero)
-    samples = {TIME: t} | (values if keep.all() else {n: x[keep] for n, x in values.items()})
+    counts.origin, counts.start_ns = rows.origin, rows.moment(zero)
+    counts.begin_s = float((zero - rows.origin) * rows.scale)
+    samples = {TIME: t} | {n: x if keep.all() else x[keep] for n, x in values.items()}
     if rows.even:
         number = rows.even.number(rows.number[keep])
         samples |= {TIME: (number - number[0]) * rows.even.step, LOGGED_TIME: t}
@@ -151,12 +138,12 @@ def si_samples(rows, log, units, raw_units):
     return samples, counts
 
 
-def _to_si(name, raw, log, units, raw_units):
-    """Return a channel, (n,), in SI, the temperature in degC; the same array if it is in them."""
+def _to_si(name, raw, rows, raw_units):
+    """Return a channel of `Rows`, (n,), in SI or degC; the same array if it is in them already."""
     if name == TEMPERATURE:
-        scale, zero = DEGREES[units["temperature"]]
+        scale, zero = DEGREES[rows.units["temperature"]]
         return raw if (scale, zero) == (1.0, 0.0) else (raw - zero) * scale
     quantity = next(q for q, axes in SENSORS.items() if name in axes)
     unit = raw_units[quantity]
-    same = quantity not in log.found or (unit.scale, unit.offset) == (1.0, 0.0)
-    return raw if same else unit.to_si(raw)
+    is_si = quantity not in rows.log.found or (unit.scale, unit.offset) == (1.0, 0.0)
+    return raw if is_si else unit.to_si(raw)

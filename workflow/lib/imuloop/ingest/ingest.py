@@ -4,9 +4,7 @@ Read the files, find columns and units, find one clock, convert once, check, wri
 """
 
 import os
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,7 @@ from imuloop.ingest.formats import find_format
 from imuloop.ingest.places import PAIR, for_reader, in_config
 from imuloop.ingest.plausible import milliseconds
 from imuloop.ingest.raw_log import RawLog, absent_sensor
-from imuloop.ingest.rows import find_rows
+from imuloop.ingest.rows import Rows
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
 from imuloop.ingest.stamps import iso_text
@@ -74,13 +72,13 @@ class Declared:
         return {name: value for name in names if (value := getattr(self, name))}
 
 
-@dataclass(frozen=True)
+@dataclass
 class Reading:
     """A log as it was read, and the unit of each quantity.
 
-    `files` maps the role of each file to its path; `state` is their state before they were read;
-    `format` is that of the log. `absent` is the quantity of a sensor that the log lacks, `fault`
-    the RejectedLog that says why it cannot be used; `doubts` are lines on its units.
+    `files` maps the role of each file to its path, and `state` is their state before they were
+    read. `format` is that of the log. `absent` is the quantity of a sensor that the log lacks.
+    `fault` is the RejectedLog that says why it cannot be used. `doubts` are lines on its units.
     """
 
     files: dict = field(default_factory=dict)
@@ -93,7 +91,12 @@ class Reading:
     fault: RejectedLog | None = None
     doubts: list = field(default_factory=list)
 
-    @cached_property
+    @property
+    def of_log(self):
+        """The files of the log itself, by role."""
+        return {r: path for r, path in self.files.items() if r not in ("pps", "reference")}
+
+    @property
     def raw_units(self):
         """Unit of each sensor, a `RawUnit`, by its quantity."""
         scales = {q: self.log.nominal.get(q, {}) | self.nominal.get(q, {}) for q in SENSORS}
@@ -108,10 +111,14 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 
     Parameters
     ----------
+    device, session : str
+        Their names.
     kind : str or None
         What was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of the declared sources.
+    samples_path, quality_path : path-like
+        Where the results go.
     declared : Declared, optional
         What the config says of the log.
 
@@ -126,18 +133,19 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
         reading = read(paths, declared)
         samples, found, origin = check(reading, *convert(reading, declared), declared, kind)
         _write(samples_path, quality_path, samples, found, who | origin)
-    except (ImuloopError, PermissionError) as error:
+    except (ImuloopError, OSError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
-        of_machine = isinstance(error, PermissionError)
-        type_of, text = (MachineFault, error.strerror) if of_machine else (type(error), error)
+        fault, text = type(error), error
+        if isinstance(error, OSError):
+            fault, text = MachineFault, error.strerror or error
         whose = f"{device}/{session}: " if in_config() else ""
-        raise type_of(for_reader(f"{whose}{names}: {text}")) from error
+        raise fault(for_reader(f"{whose}{names}: {text}")) from error
 
 
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
     """Write samples without rows and a quality with the reason, for a log that does not fit.
 
-    Parameters are as in `ingest`; the reason is about what is declared.
+    The reason is about what is declared. The other parameters are those of `ingest`.
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
     none = no_samples(reading.log), Counts(reasons=[reason])
@@ -152,22 +160,19 @@ def read(paths, declared):
             raise ImuloopError("its name is no UTF-8: rename it")
         if not (path.is_file() or path.is_dir()):
             raise ImuloopError("there is no such file")
-    state = _state(paths)
     roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
     files = dict(zip(roles, paths, strict=True))
-    own = {role: path for role, path in files.items() if role not in ("pps", "reference")}
+    found = Reading(files, _state(paths), declared.format, nominal=declared.nominal)
     in_log = declared.pps and "pps" not in files
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
-    log_format, log, absent, fault = declared.format, RawLog(), None, None
     try:
-        log_format, form = find_format(declared.format, own)
-        log = form.read(own, columns or None)
-        absent = absent_sensor(log, columns)
+        found.format, form = find_format(declared.format, found.of_log)
+        found.log = form.read(found.of_log, columns or None)
+        found.absent = absent_sensor(found.log, columns)
     except RejectedLog as error:
-        log, fault = RawLog(), error
-    units, doubts = choose_units(log, declared.units)
-    how = absent, fault, doubts
-    return Reading(files, state, log_format, log, units, declared.nominal, *how)
+        found.log, found.fault = RawLog(), error
+    found.units, found.doubts = choose_units(found.log, declared.units)
+    return found
 
 
 def choose_units(log, declared):
@@ -202,14 +207,15 @@ def choose_units(log, declared):
 
 def convert(reading, declared):
     """Return the samples of a log on its one clock, and their `Counts`."""
-    log, units, counts = reading.log, reading.units, Counts(read=reading.log.batch.num_rows)
+    log, counts = reading.log, Counts(read=reading.log.batch.num_rows)
     try:
         if reading.fault:
             raise reading.fault
-        rows = find_rows(log, units, declared, reading.files.get("pps"))
+        rows = Rows(log, reading.units, declared)
         if not counts.read:
             return no_samples(log), counts
-        samples, counts = si_samples(rows, log, units, reading.raw_units)
+        rows.find_clock(reading.files.get("pps"))
+        samples, counts = si_samples(rows, reading.raw_units)
     except RejectedLog as error:
         return no_samples(log), replace(counts, reasons=[str(error)])
     if rows.logged is not None:
@@ -221,64 +227,63 @@ def convert(reading, declared):
 
 def check(reading, samples, counts, declared, kind):
     """Return the samples, none of a rejected log, what quality.json says, and their origin."""
-    log, raw_units, absent = reading.log, reading.raw_units, reading.absent
-    full_scale, rate = declared.full_scale, declared.rate
-    reasons = counts.reasons
-
-    def measured():
-        return _drop_absent(absent, quality.measure(samples, raw_units, full_scale))
-
-    figures, in_ms = measured(), None
+    log, raw_units, rate = reading.log, reading.raw_units, declared.rate
+    figures, in_ms = _measure(reading, samples, declared), None
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
         in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
     bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
-    dropped, at = figures.pop("isolated")
+    dropped, channels = figures.pop("isolated")
     if len(dropped):
-        number = np.bincount(at, minlength=len(CHANNELS)).tolist()
+        number = np.bincount(channels, minlength=len(CHANNELS)).tolist()
         counts.spike_values = dict(zip(CHANNELS, number, strict=True))
         counts.spiked = len(np.unique(dropped))
         samples = {name: np.delete(x, dropped) for name, x in samples.items()}
         # the gaps that this leaves are counted as spikes
-        figures = measured() | {"gaps": figures["gaps"]}
+        figures = _measure(reading, samples, declared) | {"gaps": figures["gaps"]}
         del figures["isolated"]
-    # without an accelerometer there is no yardstick
-    gravity = None if absent == "acceleration" else declared.gravity
-    how = raw_units, gravity, kind, declared.nominal, rate
-    findings = checks.findings(checks.Evidence(figures, counts, log, *how))
+    evidence = checks.Evidence(
+        figures=figures,
+        counts=counts,
+        log=log,
+        units=raw_units,
+        # without an accelerometer there is no yardstick
+        gravity=None if reading.absent == "acceleration" else declared.gravity,
+        kind=kind,
+        nominal=declared.nominal,
+        rate=rate,
+    )
+    findings = checks.findings(evidence)
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
-        # the rate is wrong, and what was found by it
-        many = figures["gaps"]["count"] > 1000
-        wrong, doubts = ([bursts], []) if many else ([], [bursts])
+        # what was found by a wrong rate is wrong, too
+        wrong, doubts = [bursts], []
     wrong += [in_ms] if in_ms else []
+    reasons, unread = counts.reasons, findings[checks.UNREADABLE]
     if _state(reading.files.values()) != reading.state:
         reasons = ["the file changed while it was read"]
-    if unread := findings[checks.UNREADABLE]:
-        reasons, wrong, doubts = reasons or unread, [], []
-        counts.logged = counts.rebuilt = None
-    reasons = reasons or findings[checks.UNUSABLE]
-    doubts = log.notes + findings[checks.WARNING] * bool(figures["rows"]) + doubts
-    units = reading.units | ({"time": counts.time_unit} if counts.time_unit else {})
-    origin = _origin(reading, declared) | {"units": units}
-    if counts.start_ns is not None:
-        origin["start"] = iso_text(counts.start_ns)
-    known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
-    origin |= {name: found for name, found in known.items() if found}
+    if unread:
+        wrong, doubts, counts.logged, counts.rebuilt = [], [], None, None
+    reasons = reasons or unread or findings[checks.UNUSABLE]
+    origin = _origin(reading, counts, declared)
+    ends = {
+        "rails": quality.rails(figures, declared.full_scale),
+        "stuck": quality.stuck(figures),
+    }
+    origin |= {name: found for name, found in ends.items() if found}
     if declared.reference and not (reasons or wrong):
-        own = declared.of_log() | {"units": units}
-        how = reading.files, declared.reference, own, counts
-        columns, beside, wrong = reference.beside(samples, *how)
-        origin["reference"] = beside
+        session = declared.of_log() | {"units": origin["units"]}
+        columns, origin["reference"], wrong = reference.beside(
+            samples, reading.files, declared.reference, session, counts
+        )
         samples |= columns
     lines = reading.doubts + pps.warnings(counts.pps)
     lines += increments.warnings(counts.increments, figures)
-    lines += [counts.rebuilt] if counts.rebuilt else []
-    lines += counts.clock.warnings()
-    if absent:
+    lines += [counts.rebuilt] * bool(counts.rebuilt) + counts.clock.warnings()
+    if reading.absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
-        lines.append(f"the log holds no {absent}: {why}")
-    lines += doubts
+        lines.append(f"the log holds no {reading.absent}: {why}")
+    lines += log.notes + findings[checks.WARNING] * bool(figures["rows"]) + doubts
     found = {
         "format": 1,
         "status": "rejected" if reasons or wrong else "ok",
@@ -297,14 +302,15 @@ def check(reading, samples, counts, declared, kind):
     return no_samples(log) if reasons or wrong else samples, found, origin
 
 
-def _drop_absent(absent, figures):
-    """Return quality figures without those of a sensor, by quantity, that is `absent`, if any."""
-    if not absent:
-        return figures
-    axes, faults = SENSORS[absent], figures["faults"]
-    figures["constant"] = [name for name in figures["constant"] if name not in axes]
-    figures["range"] |= dict.fromkeys(axes)
-    if faults:
+def _measure(reading, samples, declared):
+    """Return the quality figures of samples, without those of a sensor that the log lacks."""
+    figures = quality.measure(samples, reading.raw_units, declared.full_scale)
+    absent, faults = reading.absent, figures["faults"]
+    if absent:
+        axes = SENSORS[absent]
+        figures["constant"] = [name for name in figures["constant"] if name not in axes]
+        figures["range"] |= dict.fromkeys(axes)
+    if absent and faults:
         faults["zero_rows"][absent] = 0
         faults["in_turn"] = dict.fromkeys(SENSORS, 0)
         # a change of the force is no fault where turns are not seen
@@ -313,20 +319,23 @@ def _drop_absent(absent, figures):
     return figures
 
 
-def _origin(reading, declared):
-    """Return where samples come from, as far as it is known before the log is converted."""
-    own = {role: path for role, path in reading.files.items() if role not in ("pps", "reference")}
-    origin = {
+def _origin(reading, counts, declared):
+    """Return where samples come from, in what units and when they begin."""
+    files, paths = reading.of_log, [*reading.state]
+    distinct = len({path.name for path in paths}) == len(paths)
+    start, turned = counts.start_ns, declared.known_rotation
+    return {
         "log_format": reading.format,
-        "source": declared.sources or {role: {"path": str(path)} for role, path in own.items()},
-        "sha256": _hashes([*reading.state]),
+        "source": declared.sources or {role: {"path": str(path)} for role, path in files.items()},
+        # by path where names repeat
+        "sha256": {p.name if distinct else str(p): sha256(p) for p in paths if p.is_file()},
         "raw_units": {quantity: vars(unit) for quantity, unit in reading.raw_units.items()},
         "declared": declared.of_log(),
         "sensor_ids": reading.log.sensor_ids,
         "simulated": reading.log.simulated,
-        "start": None,
-    }
-    return origin | ({"known_rotation": r} if (r := declared.known_rotation) else {})
+        "start": None if start is None else iso_text(start),
+        "units": reading.units | ({"time": counts.time_unit} if counts.time_unit else {}),
+    } | ({"known_rotation": turned} if turned else {})
 
 
 def _write(samples_path, quality_path, samples, found, origin):
@@ -348,20 +357,5 @@ def _write(samples_path, quality_path, samples, found, origin):
 def _state(paths):
     """Return what differs once a file at the paths, or in a folder there, is written to."""
     files = [f for path in paths for f in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    found = {}
-    # one that is gone differs, too
-    for path in filter(Path.is_file, files):
-        with suppress(FileNotFoundError):
-            state = path.stat()
-            found[path] = state.st_ino, state.st_size, state.st_mtime_ns
-    return found
-
-
-def _hashes(files):
-    """Return file name (path, where names repeat) -> SHA-256."""
-    distinct, found = len({path.name for path in files}) == len(files), {}
-    for path in files:
-        # one that is gone meanwhile has changed
-        with suppress(FileNotFoundError):
-            found[path.name if distinct else str(path)] = sha256(path)
-    return found
+    stats = {file: file.stat() for file in files if file.is_file()}
+    return {file: (s.st_ino, s.st_size, s.st_mtime_ns) for file, s in stats.items()}

@@ -62,14 +62,14 @@ class Timeline:
         return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
-def find_timeline(rows, log, columns, path=None):
+def find_timeline(rows, path=None):
     """Return GNSS time over the counter of a log, its time column.
 
     Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
     `path`, by default its first two. `timing` is that of the mended counter, of `tick` ns. Marks
     that do not fit the log reject it.
     """
-    tick = rows.tick
+    tick, log, columns = rows.tick, rows.log, rows.declared.pps
     faults = {
         "only tables hold columns of marks; name a file in pps.file": not (
             path or log.found.get("pps")

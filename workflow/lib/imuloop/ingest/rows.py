@@ -1,8 +1,5 @@
 """The rows of a log as arrays, and the one clock that says when each of them was sampled."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-
 import numpy as np
 
 from imuloop.core.errors import ImuloopError
@@ -11,8 +8,8 @@ from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments, pps
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import STAMP
-from imuloop.ingest.even_stamps import Even, even_samples, packet_step, spread
-from imuloop.ingest.spellings import is_iso, unknown_unit
+from imuloop.ingest.even_stamps import even_samples, packet_step, spread
+from imuloop.ingest.spellings import unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -23,12 +20,13 @@ from imuloop.ingest.stamps import (
 )
 
 
-@dataclass(frozen=True)
 class Rows:
     """All rows of a log, and when they were sampled; arrays are (n,).
 
     Attributes
     ----------
+    log, units, declared : RawLog, dict, Declared
+        The log as it was read, its units by quantity, and what the config says of it.
     values : dict of str to array
         The six axes and the temperature as logged; 0 for a sensor that the log lacks.
     stamps : dict of str to tuple
@@ -38,10 +36,6 @@ class Rows:
     x, usable : array
         Time stamps as mended, or numbers of the rows, of `scale` s each, and which of them can be
         used.
-    unit : str
-        Unit of the time stamps.
-    declared : Declared
-        What the config says of the log.
     clock : Clock
         What was mended.
     timeline : Timeline or None
@@ -52,64 +46,76 @@ class Rows:
         Times as stamped, s, if they were rebuilt.
     repeats : int
         Number of rows with the time stamp of another one.
-    usual : float or None
-        Usual step of the time stamps, s, by which increments after gaps are divided.
     """
 
-    values: dict
-    stamps: dict
-    same: np.ndarray
-    x: np.ndarray
-    usable: np.ndarray
-    scale: float
-    unit: str
-    declared: object
-    clock: Clock
-    timeline: pps.Timeline | None = None
-    even: Even | None = None
-    packets: tuple | None = None
-    logged: np.ndarray | None = None
-    repeats: int = 0
-    usual: float | None = None
+    timeline = even = packets = logged = None
+    repeats = 0
+
+    def __init__(self, log, units, declared):
+        self.log, self.units, self.declared = log, units, declared
+        count, unit = log.batch.num_rows, units["time"]
+        self.clock, self.values = Clock(), dict.fromkeys(CHANNELS, np.zeros(count))
+        self.stamps = {}
+        for name in log.batch.schema.names:
+            if name in (*CHANNELS, TEMPERATURE):
+                self.values[name] = log.batch[name].to_numpy(zero_copy_only=False)
+            else:
+                self.stamps[name] = stamp_values(log.batch[name])
+        self.stamped = STAMP in self.stamps
+        every = np.arange(count), np.ones(count, dtype=bool), False
+        self.x, self.usable, self.dates = self.stamps.get(STAMP, every)
+        if self.stamped and count and not self.usable.any():
+            raise no_stamps(log.batch[STAMP], log.found["time"])
+        if self.stamped and not self.dates and unit not in TIME_SCALES:
+            raise unknown_unit("time", unit)
+        if count and not (self.stamped or declared.rate):
+            raise ImuloopError(
+                f"the log has no time column of a usual name ({log.columns}); "
+                "name it in columns.time, or give rate in Hz"
+            )
+        # nanoseconds per unit, of time stamps that may roll over
+        self.tick = None if self.dates else NANOSECONDS.get(unit)
+        self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
+        if not self.stamped:
+            self.scale = 1 / (declared.rate or 1.0)
+        self.same = np.zeros(count, dtype=bool)
+        at = np.flatnonzero((self.x[1:] == self.x[:-1]) & self.usable[1:]) + 1
+        for column in self.values.values():
+            one, other = column[at], column[at - 1]
+            at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
+        self.same[at] = True
 
     @property
-    def stamped(self):
-        """Whether the log holds time stamps."""
-        return STAMP in self.stamps
-
-    @property
-    def dates(self):
-        """Whether the time stamps are ns since 1970."""
-        return self.stamped and self.stamps[STAMP][2]
-
-    @property
-    def tick(self):
-        """Nanoseconds per unit of the time stamps as logged; None for dates."""
-        return None if self.dates else NANOSECONDS.get(self.unit)
-
-    @cached_property
     def number(self):
         """Number of the sample of each row; a row that is written twice is one."""
         return np.arange(len(self.x)) - self.same.cumsum()
 
-    @cached_property
+    @property
     def origin(self):
         """The first time stamp."""
         return self.x[self.usable.argmax()].item()
 
-    @cached_property
+    @property
     def before(self):
         """Newest time stamp before each row; one before `origin` if there is none."""
         seen = np.maximum.accumulate(np.where(self.usable, self.x, self.origin - 1))
         return np.concatenate(([self.origin - 1], seen[:-1])).astype(seen.dtype)
 
-    @cached_property
+    @property
     def inside(self):
         """Rows within the time range that do not repeat the one before."""
         start, end = _window(self.declared.time_range, self.moment(self.origin))
         # a row without a time stamp lies where the log has got to
         elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
         return (elapsed >= start) & (elapsed < end) & ~self.same
+
+    @property
+    def time_unit(self):
+        """Unit of the time stamps, in words."""
+        if not self.stamped:
+            return f"1/({self.declared.rate:g} Hz)"
+        unit = "ISO 8601" if self.dates else self.units["time"]
+        return f"{unit}, by 1PPS" if self.timeline else unit
 
     def times(self, keep):
         """Return the time of some rows from the first of them on, s, as stamped."""
@@ -120,134 +126,51 @@ class Rows:
         """Return a time stamp as ns since 1970; None if it is no date."""
         if self.timeline:
             return self.timeline.moment(stamp)
-        return absolute_nanoseconds(stamp, self.unit, self.dates) if self.stamped else None
+        unit = self.units["time"]
+        return absolute_nanoseconds(stamp, unit, self.dates) if self.stamped else None
 
-    @property
-    def time_unit(self):
-        """Unit of the time stamps, in words."""
-        if not self.stamped:
-            return f"1/({self.declared.rate:g} Hz)"
-        if self.timeline:
-            return f"{self.unit}, by 1PPS"
-        return "ISO 8601" if self.dates else self.unit
+    # values and stamps of a broken log can be of any size
+    @np.errstate(over="ignore", invalid="ignore")
+    def find_clock(self, marks_file=None):
+        """Mend the time stamps, and make them GNSS time or even where they can be.
 
+        Time stamps that roll over, start again or stray are mended. A counter is made GNSS time by
+        1PPS marks, of the log or in `marks_file`. The time stamps of a sensor that samples evenly
+        are made even.
+        """
+        if self.stamped:
+            self.x, self.usable = self.clock.mended(self.x, self.usable, self.tick)
+        if self.declared.pps or marks_file:
+            self.timeline = pps.find_timeline(self, marks_file)
+            self.x, self.scale = np.where(self.usable, self.timeline.at(self.x), 0.0), 1.0
+        elif self.stamped:
+            if not self.dates:
+                check_unit(self.origin, self.units["time"])
+            self._make_even()
 
-# values and stamps of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def find_rows(log, units, declared, marks_file=None):
-    """Return the `Rows` of a log, on one clock.
-
-    Time stamps that roll over, start again or stray are mended. A counter is made GNSS time by
-    1PPS marks. The time stamps of a sensor that samples evenly are made even. `units` are the
-    names of units by quantity, `declared` is what the config says, and `marks_file` is a file of
-    marks.
-    """
-    rows = _rows_as_logged(log, units, declared)
-    if not len(rows.x):
-        return rows
-    if rows.stamped:
-        x, usable = rows.clock.mended(rows.x, rows.usable, rows.tick)
-        rows = replace(rows, x=x, usable=usable)
-    if declared.pps or marks_file:
-        timeline = pps.find_timeline(rows, log, declared.pps, marks_file)
-        x = np.where(rows.usable, timeline.at(rows.x), 0.0)
-        rows = replace(rows, x=x, scale=1.0, timeline=timeline)
-    elif rows.stamped and not rows.dates:
-        check_unit(rows.origin, rows.unit)
-    if rows.stamped and not rows.timeline:
-        rows = _made_even(rows, bool(increments.factors(units)), increments.by_stamps(log, units))
-    if increments.by_stamps(log, units):
-        t = rows.times(_in_order(rows, by_stamps=True))
-        rows = replace(rows, usual=np.median(np.diff(t)).item() if len(t) > 1 else None)
-    return rows
-
-
-def _rows_as_logged(log, units, declared):
-    """Return the `Rows` of a log with its time stamps as logged; arguments as in `find_rows`."""
-    batch, count, unit = log.batch, log.batch.num_rows, units["time"]
-    values, stamps = dict.fromkeys(CHANNELS, np.zeros(count)), {}
-    for name in batch.schema.names:
-        if name in (*CHANNELS, TEMPERATURE):
-            values[name] = batch[name].to_numpy(zero_copy_only=False)
-        else:
-            stamps[name] = stamp_values(batch[name])
-    x, usable, scale = np.arange(count), np.ones(count, dtype=bool), 1.0
-    if count and STAMP in stamps:
-        (x, usable, dates), name = stamps[STAMP], log.found.get("time")
-        if not usable.any():
-            raise no_stamps(batch[STAMP], name)
-        if not dates and is_iso(unit):
-            raise ImuloopError(
-                f"units.time is ISO 8601, but column '{name}' holds numbers; use one of "
-                f"{', '.join(TIME_SCALES)}"
-            )
-        if not dates and unit not in TIME_SCALES:
-            raise unknown_unit("time", unit)
-        scale = 1e-9 if dates else TIME_SCALES[unit]
-    elif count and not declared.rate:
-        raise ImuloopError(
-            f"the log has no time column of a usual name ({log.columns}); "
-            "name it in columns.time, or give rate in Hz"
-        )
-    elif count:
-        scale = 1 / declared.rate
-    same = np.zeros(count, dtype=bool)
-    at = np.flatnonzero((x[1:] == x[:-1]) & usable[1:]) + 1
-    for column in values.values():
-        one, other = column[at], column[at - 1]
-        at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
-    same[at] = True
-    return Rows(
-        values=values,
-        stamps=stamps,
-        same=same,
-        x=x,
-        usable=usable,
-        scale=scale,
-        unit=unit,
-        declared=declared,
-        clock=Clock(),
-    )
-
-
-def _in_order(rows, by_stamps, repeated=False):
-    """Return the complete rows whose time stamps go forward, or are `repeated`, (n,) of bool.
-
-    If increments are divided by the steps of the stamps (`by_stamps`), the first row has none.
-    """
-    chosen = rows.x == rows.before if repeated else rows.x > rows.before
-    chosen &= rows.usable & rows.inside
-    if by_stamps and not repeated:
-        chosen &= rows.before >= rows.origin
-    for name in CHANNELS:
-        chosen &= np.isfinite(rows.values[name])
-    return chosen
-
-
-def _made_even(rows, increments_held, by_stamps):
-    """Return the rows with even time stamps, if their sensor samples evenly.
-
-    `increments_held` tells whether rows hold increments, `by_stamps` whether these are divided by
-    the steps of the time stamps.
-    """
-    new = _in_order(rows, by_stamps)
-    if not new.any():
-        return rows
-    number, t = rows.number[new], rows.times(new)
-    repeats = np.count_nonzero(_in_order(rows, by_stamps, repeated=True))
-    packets = packet_step(number, t, repeats)
-    even = None
-    if not rows.clock.resets:
-        turn_rate = [rows.values[name][new] for name in ANGULAR_RATE]
-        rate = rows.declared.rate
-        even = even_samples(number, t, turn_rate, packets, rate, increments_held)
-    if not (packets or even):
-        return rows
-    x = rows.x
-    if packets and not even:
-        step, is_last = packets
-        x = spread(x, rows.usable & ~rows.same, step / rows.scale, is_last)
-    return replace(rows, x=x, even=even, packets=packets, logged=t, repeats=repeats)
+    def _make_even(self):
+        """Make the time stamps even if the sensor samples evenly, or spread those of packets."""
+        whole = self.usable & self.inside
+        for name in CHANNELS:
+            whole &= np.isfinite(self.values[name])
+        before = self.before
+        # the interval of the first increment is not known
+        first = (before < self.origin) & increments.are_by_stamps(self)
+        new = whole & (self.x > before) & ~first
+        if not new.any():
+            return
+        number, t = self.number[new], self.times(new)
+        repeats = np.count_nonzero(whole & (self.x == before))
+        packets, even = packet_step(number, t, repeats), None
+        if not self.clock.resets:
+            turn_rate = [self.values[name][new] for name in ANGULAR_RATE]
+            summed = bool(increments.factors(self.units))
+            even = even_samples(number, t, turn_rate, packets, self.declared.rate, summed)
+        if packets and not even:
+            step, is_last = packets
+            self.x = spread(self.x, self.usable & ~self.same, step / self.scale, is_last)
+        if packets or even:
+            self.even, self.packets, self.logged, self.repeats = even, packets, t, repeats
 
 
 def _window(time_range, first):
