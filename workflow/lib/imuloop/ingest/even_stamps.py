@@ -26,6 +26,8 @@ _BLOCK, _PHASE = 4096, 512
 _NEARLY = 0.8
 # share by which rates of one sensor may differ, declared or by its stamps
 RATE_SHARE = 0.02
+# between so many bursts nothing is left, and what follows takes minutes to find that out
+MOST_BURSTS = 1000
 
 
 @dataclass(frozen=True)

@@ -257,7 +257,8 @@ def check(reading, samples, counts, declared, kind):
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
         # what was found by a wrong rate is wrong, too
-        wrong, doubts = [bursts], []
+        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
+        wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
     reasons, unread = counts.reasons, findings[checks.UNREADABLE]
     if _state(reading.files.values()) != reading.state:
