@@ -54,7 +54,9 @@ def join(logs):
     tick = NANOSECONDS.get(units[clock], NANOSECONDS["s"])
     arrays = {STAMP: stamps[clock]} if stamped else {}
     warm = [name for name in sorted(logs, key=clock.__ne__) if logs[name].temperature]
-    for quantity, name in (whose | dict.fromkeys([TEMPERATURE], warm[0]) if warm else whose).items():
+    for quantity, name in (
+        whose | dict.fromkeys([TEMPERATURE], warm[0]) if warm else whose
+    ).items():
         columns = SENSORS.get(quantity, (TEMPERATURE,))
         block = np.array([values[name][column] for column in columns])
         if not np.array_equal(stamps[name], stamps[clock]):

@@ -1,7 +1,7 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 
 import numpy as np
 import pandas as pd
@@ -104,11 +104,11 @@ def stamp_values(column):
 
 def no_stamps(column, name):
     """Return the error of a time column that holds no stamp: of the log, else of the config."""
-    known = column.drop_null()
-    if pa.types.is_floating(known.type):
-        known = known.filter(pc.invert(pc.is_nan(known)))
+    known = column.to_pandas().dropna()
     if len(known):
-        why = f"its stamps, as {known[0]}, are too large, or dates outside of the years {YEARS}"
+        why = (
+            f"its stamps, as {known.iloc[0]}, are too large, or dates outside of the years {YEARS}"
+        )
         return RejectedLog(f"time column '{name}': {why}")
     if isinstance(name, list):
         why = "are not whole seconds and a part of a second; name one of them"
@@ -122,13 +122,10 @@ def no_stamps(column, name):
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
     try:
-        moment = datetime.fromisoformat(str(value))
+        moment = pd.Timestamp(datetime.fromisoformat(str(value)))
     except ValueError as error:
         raise ImuloopError(f"time_range: '{value}' is no ISO 8601 stamp") from error
-    since = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - datetime.fromtimestamp(
-        0, UTC
-    )
-    return since // timedelta(microseconds=1) * 1000
+    return (moment if moment.tzinfo else moment.tz_localize("UTC")).as_unit("ns").value
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
