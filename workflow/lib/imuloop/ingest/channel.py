@@ -50,6 +50,8 @@ def least_stuck(lengths):
 class Channel:
     """The samples of a channel, (n,) SI, and what runs of equal values among them show.
 
+    `width` is the range of values in each block, and `changed` tells which rows differ from the one
+    before, (n - 1,).
     `step` is the quantisation step, 0 if it is not known, `low` and `high` are the ends of its
     range. `is_fine` tells whether noise spans the step in half of the blocks that change. `stuck`
     are first row and rows of the runs that are too long for chance, and `tops` the values of flat
@@ -63,10 +65,10 @@ class Channel:
     high: float
 
     def __post_init__(self):
-        width = np.ptp(blocks(self.x), axis=1)
-        changing = np.count_nonzero(width > 0)
-        self.is_fine = np.count_nonzero(width > SPAN * self.step) >= changing / 2 > 0
-        starts = np.append(0, np.flatnonzero(self.x[1:] != self.x[:-1]) + 1)
+        self.width, self.changed = np.ptp(blocks(self.x), axis=1), self.x[1:] != self.x[:-1]
+        changing = np.count_nonzero(self.width)
+        self.is_fine = np.count_nonzero(self.width > SPAN * self.step) >= changing / 2 > 0
+        starts = np.append(0, np.flatnonzero(self.changed) + 1)
         lengths, values = np.diff(starts, append=len(self.x)), self.x[starts]
         long = lengths >= (least_stuck(lengths) if self.is_fine else len(self.x) + 1)
         self.stuck = list(zip(starts[long].tolist(), lengths[long].tolist(), strict=True))
@@ -145,13 +147,13 @@ def silent(channels, force):
         for name, c in channels.items()
         # a channel that is stuck once or twice has a fault of a moment
         if c.low < c.high and len(c.stuck) not in (1, 2)
-        if np.mean(np.ptp(blocks(c.x)[quiet], axis=1) == 0) > MOST
+        if np.mean(c.width[quiet] == 0) > MOST
     ]
 
 
 def rows_a_value(channels):
     """Return how many rows the channels of a sensor hold each value, 1 where they do not."""
-    changed = np.any([c.x[1:] != c.x[:-1] for c in channels], axis=0)
+    changed = np.any([c.changed for c in channels], axis=0)
     lengths = np.diff(np.flatnonzero(changed))
     if len(lengths) < FEWEST:
         return 1.0

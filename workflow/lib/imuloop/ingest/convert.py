@@ -119,10 +119,12 @@ def si_samples(rows, raw_units):
     counts.increments = increments.figures(rows, counts, usual)
     if not keep.any():
         return no_samples(log), counts
-    zero, t = rows.x[keep.argmax()].item(), rows.times(keep)
+    # whole columns need no copy
+    first, keep = keep.argmax(), slice(None) if keep.all() else keep
+    zero, t = rows.x[first].item(), rows.times(keep)
     counts.origin, counts.start_ns = rows.origin, rows.moment(zero)
     counts.begin_s = float((zero - rows.origin) * rows.scale)
-    samples = {TIME: t} | {n: x if keep.all() else x[keep] for n, x in values.items()}
+    samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
     if rows.even:
         number = rows.even.number(rows.number[keep])
         samples |= {TIME: (number - number[0]) * rows.even.step, LOGGED_TIME: t}

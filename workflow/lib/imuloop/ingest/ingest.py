@@ -242,18 +242,12 @@ def check(reading, samples, counts, declared, kind):
         # the gaps that this leaves are counted as spikes
         figures = _measure(reading, samples, declared) | {"gaps": figures["gaps"]}
         del figures["isolated"]
-    evidence = checks.Evidence(
-        figures=figures,
-        counts=counts,
-        log=log,
-        units=raw_units,
-        # without an accelerometer there is no yardstick
-        gravity=None if reading.absent == "acceleration" else declared.gravity,
-        kind=kind,
-        nominal=declared.nominal,
-        rate=rate,
+    # without an accelerometer there is no yardstick
+    gravity = None if reading.absent == "acceleration" else declared.gravity
+    of_log = {"figures": figures, "counts": counts, "log": log, "units": raw_units, "kind": kind}
+    findings = checks.findings(
+        checks.Evidence(**of_log, gravity=gravity, nominal=declared.nominal, rate=rate)
     )
-    findings = checks.findings(evidence)
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
         # what was found by a wrong rate is wrong, too
@@ -267,10 +261,7 @@ def check(reading, samples, counts, declared, kind):
         wrong, doubts, counts.logged, counts.rebuilt = [], [], None, None
     reasons = reasons or unread or findings[checks.UNUSABLE]
     origin = _origin(reading, counts, declared)
-    ends = {
-        "rails": quality.rails(figures, declared.full_scale),
-        "stuck": quality.stuck(figures),
-    }
+    ends = {"rails": quality.rails(figures, declared.full_scale), "stuck": quality.stuck(figures)}
     origin |= {name: found for name, found in ends.items() if found}
     if declared.reference and not (reasons or wrong):
         session = declared.of_log() | {"units": origin["units"]}

@@ -33,9 +33,9 @@ class Rows:
         Columns of time stamps as `stamp_values` gives them.
     same : array of bool
         Rows that repeat the one before in time stamp and all values.
-    x, usable : array
-        Time stamps as mended, or numbers of the rows, of `scale` s each, and which of them can be
-        used.
+    x, usable, before : array
+        Time stamps as mended, or numbers of the rows, of `scale` s each, which of them can be used,
+        and the newest one before each row; one before `origin` if there is none.
     clock : Clock
         What was mended.
     timeline : Timeline or None
@@ -88,7 +88,8 @@ class Rows:
     @property
     def number(self):
         """Number of the sample of each row; a row that is written twice is one."""
-        return np.arange(len(self.x)) - self.same.cumsum()
+        number = np.arange(len(self.x))
+        return number - self.same.cumsum() if self.same.any() else number
 
     @property
     def origin(self):
@@ -96,14 +97,10 @@ class Rows:
         return self.x[self.usable.argmax()].item()
 
     @property
-    def before(self):
-        """Newest time stamp before each row; one before `origin` if there is none."""
-        seen = np.maximum.accumulate(np.where(self.usable, self.x, self.origin - 1))
-        return np.concatenate(([self.origin - 1], seen[:-1])).astype(seen.dtype)
-
-    @property
     def inside(self):
         """Rows within the time range that do not repeat the one before."""
+        if not self.declared.time_range:
+            return ~self.same
         start, end = _window(self.declared.time_range, self.moment(self.origin))
         # a row without a time stamp lies where the log has got to
         elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
@@ -138,29 +135,44 @@ class Rows:
         1PPS marks, of the log or in `marks_file`. The time stamps of a sensor that samples evenly
         are made even.
         """
+        x = self.x
         if self.stamped:
-            self.x, self.usable = self.clock.mended(self.x, self.usable, self.tick)
+            x, self.usable = self.clock.mended(x, self.usable, self.tick)
+        self._put_on(x)
         if self.declared.pps or marks_file:
             self.timeline = pps.find_timeline(self, marks_file)
-            self.x, self.scale = np.where(self.usable, self.timeline.at(self.x), 0.0), 1.0
+            self.scale = 1.0
+            self._put_on(np.where(self.usable, self.timeline.at(x), 0.0))
         elif self.stamped:
             if not self.dates:
                 check_unit(self.origin, self.units["time"])
             self._make_even()
+
+    def _put_on(self, x):
+        """Put the rows on a clock: set their time stamps, (n,), and the newest one before each."""
+        self.x, known = x, x
+        if not self.usable.all():
+            known = np.where(self.usable, x, self.origin - 1)
+        self.before = np.empty_like(x)
+        self.before[0] = self.origin - 1
+        np.maximum.accumulate(known[:-1], out=self.before[1:])
+        np.maximum(self.before, self.before[0], out=self.before)
 
     def _make_even(self):
         """Make the time stamps even if the sensor samples evenly, or spread those of packets."""
         whole = self.usable & self.inside
         for name in CHANNELS:
             whole &= np.isfinite(self.values[name])
-        before = self.before
-        # the interval of the first increment is not known
-        first = (before < self.origin) & increments.are_by_stamps(self)
-        new = whole & (self.x > before) & ~first
+        new = whole & (self.x > self.before)
+        if increments.are_by_stamps(self):
+            # the interval of the first increment is not known
+            new &= self.before >= self.origin
         if not new.any():
             return
+        repeats = np.count_nonzero(whole & (self.x == self.before))
+        # whole columns need no copy
+        new = slice(None) if new.all() else new
         number, t = self.number[new], self.times(new)
-        repeats = np.count_nonzero(whole & (self.x == before))
         packets, even = packet_step(number, t, repeats), None
         if not self.clock.resets:
             turn_rate = [self.values[name][new] for name in ANGULAR_RATE]
@@ -168,7 +180,7 @@ class Rows:
             even = even_samples(number, t, turn_rate, packets, self.declared.rate, summed)
         if packets and not even:
             step, is_last = packets
-            self.x = spread(self.x, self.usable & ~self.same, step / self.scale, is_last)
+            self._put_on(spread(self.x, self.usable & ~self.same, step / self.scale, is_last))
         if packets or even:
             self.even, self.packets, self.logged, self.repeats = even, packets, t, repeats
 

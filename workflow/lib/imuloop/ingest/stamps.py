@@ -94,12 +94,15 @@ def stamp_values(column):
         return np.zeros(len(column), dtype=np.int64), np.zeros(len(column), dtype=bool), True
     readable = column.is_valid().to_numpy(zero_copy_only=False)
     column = column.cast(pa.int64()) if absolute else column
-    values = column.fill_null(0).to_numpy(zero_copy_only=False)
+    column = column.fill_null(0) if column.null_count else column
+    values = column.to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
     else:
         readable = readable & (values > -MOST) & (values < MOST)
-    return np.where(readable, values, values.dtype.type(0)), readable, absolute
+    if not readable.all():
+        values = np.where(readable, values, values.dtype.type(0))
+    return values, readable, absolute
 
 
 def no_stamps(column, name):
