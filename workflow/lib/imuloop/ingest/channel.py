@@ -155,7 +155,8 @@ def rows_a_value(channels):
     """Return how many rows the channels of a sensor hold each value, 1 where they do not."""
     changed = np.any([c.changed for c in channels], axis=0)
     lengths = np.diff(np.flatnonzero(changed))
-    if len(lengths) < FEWEST:
+    # nine in ten runs of a held value are so long on average
+    if len(lengths) < FEWEST or lengths.mean() < MOST * LEAST_HELD:
         return 1.0
     usual = np.median(lengths)
     near = lengths[np.abs(lengths - usual) <= max(1.0, 0.15 * usual)]
