@@ -162,15 +162,8 @@ def _number_samples(rows, t, packets):
     if not clock:
         return None
     stamped = rows - rows[0]
-    if size == 1 and packets and packets[1]:
-        # the stamp is that of the last row
-        stamped = stamped + np.diff(rows, append=rows[-1] + 1) - 1
-        stamped = stamped - stamped[0]
     place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
-    if size * (index[-1] - index[0]) < (1 - RATE_SHARE) * stamped[-1]:
-        # a clock of the transfers, not of the sensor
-        return None
     width = _width(place - index)
     lost = size * (index - index[0]) - stamped
     # where stamps scatter, some samples are numbered one too high or low
@@ -219,8 +212,8 @@ def _clock(t):
     for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
-        # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) > ENOUGH and ones > max(0.3, _NEARLY * more):
+        # on a finer grid most steps are of two
+        if np.interp(clock, f, power) > ENOUGH and ones > more:
             return clock * mean
     return None
 
