@@ -8,14 +8,14 @@ import pandas as pd
 # rows of a block, and quantisation steps that noise spans in it: to two steps only, of noise below
 # the step, says nothing
 BLOCK, SPAN = 128, 2.5
-# a run of equal values is stuck where it has so many rows, and so many times those of the longest
-# of at least `FEWEST` others; ten times that where others vary more than chance lets them (noise
-# below the quantisation step)
+# least rows of a run of equal values that is stuck, and their least ratio to the longest of at
+# least `FEWEST` other runs; the ratio is ten times as large where the others vary more than by
+# chance (noise below the quantisation step)
 LEAST_STUCK, STUCK_FACTOR, COARSE, FEWEST = 10, 5, 10, 50
 # quantisation steps to a value that is far away; rows of equal values between such are a flat top
 FAR_STEPS, FLAT_TOP = 8, 3
-# the square of the rows at a saturated end of the range is so many times the rows at the level
-# beside it: noise of 0.55 steps or more leaves e^-11 for none beyond
+# least ratio of the square of the rows at a saturated end of the range to the rows at the next
+# level: with noise of 0.55 steps or more the chance of no row beyond is e^-11
 CUT_TAIL = 300
 # steps to the ends of 16 bits, which two rows saturate
 RAILS = (2**15 - 1, 2**15)
@@ -86,8 +86,8 @@ class Channel:
     def wraps(self):
         """Return the rows before jumps from one end of the range to the other that stay there.
 
-        A value that swings from end to end changes more beside the jump. One that saturates is held
-        at an end. One that is switched on goes from zero to an end.
+        A value that swings from end to end changes more next to the jump. One that saturates is
+        held at an end. One that is switched on goes from zero to an end.
         """
         size, span = np.abs(np.diff(self.x)), self.high - self.low
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
@@ -105,7 +105,7 @@ class Channel:
 def saturation(channels, rate):
     """Return the ends of the range that channels of a sensor keep to: {name: {"values", "rows"}}.
 
-    An end is saturated if many rows are there and few at the levels beside it, or if it is reached
+    An end is saturated if many rows are there and few at the next levels, or if it is reached
     in flat tops, which no smooth motion has. Ends of equal size are one end, as each axis may reach
     it for a few rows only. A single run of a second or more is a stuck value, unless other ends of
     this size are saturated. `rate` is in Hz.
@@ -152,10 +152,10 @@ def silent(channels, force):
 
 
 def rows_a_value(channels):
-    """Return how many rows the channels of a sensor hold each value, 1 where they do not."""
+    """Return the number of rows for which a sensor's channels hold a value, 1 if they do not."""
     changed = np.any([c.changed for c in channels], axis=0)
     lengths = np.diff(np.flatnonzero(changed))
-    # nine in ten runs of a held value are so long on average
+    # nine in ten runs of a held value have at least this mean length
     if len(lengths) < FEWEST or lengths.mean() < MOST * LEAST_HELD:
         return 1.0
     usual = np.median(lengths)

@@ -10,10 +10,11 @@ import numpy as np
 from imuloop.core.gaps import gap_limit
 from imuloop.ingest.stamps import MOST
 
-# rows before and after a fall of the stamps that show what it is
+# number of rows before and after a fall of the stamps that tell its cause
 AHEAD = 100
-# a counter's last stamp and its first after the roll-over lie at most so many steps apart; stamps
-# that fall by fewer steps are late; after a clock that starts again, t goes on so many steps later
+# largest number of steps from a counter's last stamp to the first after its roll-over; stamps that
+# fall by fewer steps are late; after a clock that starts again, t goes on this number of steps
+# later
 FEW_STEPS = 10
 # share of the steps after a clock starts again that go forward
 _FORWARD = 0.9
@@ -65,7 +66,7 @@ class Clock:
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
     def mended(self, x, readable, tick=None):
-        """Return stamps as of a clock that never falls, and which of them can be used.
+        """Return stamps of a clock that never falls, (n,), and a mask of those that can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
         `x` and `readable`, (n,), are stamps as logged, and which of them are readable; `tick` is
@@ -78,7 +79,7 @@ class Clock:
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
             self.unpadded = _count_unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
         rows, added, usable = np.flatnonzero(readable), np.zeros_like(x), readable.copy()
-        # the newest stamp since row `begin`, where the clock was mended last, and what was added
+        # the newest stamp since row `begin`, where the clock was mended last, and the sum of shifts
         newest, begin, shift = -np.inf, 0, 0
         # the row before a fall may stray, the one after it may be late or of a clock that fell
         for i in np.union1d(falls, falls + 1)[:MOST_FALLS]:
@@ -102,7 +103,7 @@ class Clock:
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):
-        """Return what is to be added from a fall of the stamps on; 0 for a late row."""
+        """Return the shift of the stamps from a fall on, in their unit; 0 for a late row."""
         steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
             return 0
@@ -122,7 +123,7 @@ class Clock:
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
     def fault(self):
-        """Return what makes the stamps fall where nothing mends them, or None."""
+        """Return the cause of falling stamps that cannot be mended, a line, or a false value."""
         return self.unpadded and (
             f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
             "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
@@ -130,7 +131,7 @@ class Clock:
         )
 
     def warnings(self):
-        """Return what was mended, a line each; nothing of stamps that are no time."""
+        """Return a line for each thing that was mended; none if the stamps cannot be mended."""
         rolls = f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}"
         resets = f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual"
         strays = f"{self.strays} stamps lie ahead of rows that follow in their place"
@@ -141,7 +142,7 @@ class Clock:
 
 
 def _count_unpadded(last, first, second):
-    """Return how often stamps fall within a `second` as without leading zeros, 0 if by accident."""
+    """Return the number of falls within a `second` by missing leading zeros, 0 if accidental."""
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
     return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
@@ -152,7 +153,7 @@ def _times(count):
 
 
 def figures(counts, measured, rate=None):
-    """Return what quality.json says of a log's clock, by its `Counts` and quality figures.
+    """Return the entry ``clock`` of quality.json, from the `Counts` and quality figures of a log.
 
     `rate` is the declared one, Hz, of a log with time stamps.
     """

@@ -13,7 +13,7 @@ from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP
 from imuloop.ingest.spellings import SENSORS
 
-# what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
+# larger than any value of a sensor, in any unit: counts of 32 bits, taken for SI, end at 4.3e9, the
 # widest accelerometers at 2e6 m/s^2
 BEYOND = 1e10
 
@@ -23,14 +23,14 @@ _of_channels = partial(dict.fromkeys, CHANNELS, 0)
 
 @dataclass
 class Counts:
-    """What became of the rows of a log, each counted once, and why it cannot be used (`reasons`).
+    """Numbers of rows of a log by their fate, and findings on its clock and its values.
 
-    `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `is_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
-    quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
-    without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
-    1970, None without dates, `begin_s` how long it is after the log's first stamp, s, which is
-    `origin` as logged.
+    Each row is counted once. `reasons` are lines on a log that cannot be used. `identical` rows
+    repeat the one before in stamp and all values. `is_gravity` and `in_two_units` are results of
+    `misread`. `increments`, `pps` and `logged` are entries of quality.json on increments, 1PPS
+    marks and rebuilt time stamps, or None; `rebuilt` is the line on the last. `start_ns` is the
+    moment of the first sample, ns since 1970, None if stamps are not dates. It lies `begin_s` s
+    after the log's first stamp, `origin` as logged.
     """
 
     reasons: list = field(default_factory=list)
@@ -102,7 +102,7 @@ def si_samples(rows, raw_units):
                 values[name] = np.where(wrong, np.nan, x)
             else:
                 bad |= wrong
-    # what becomes of each row, the first that is true; an even clock takes rows as they come
+    # the fate of a row is the first that is true; an even clock takes rows as they come
     fates = {
         "identical": rows.same,
         "outside": ~inside,

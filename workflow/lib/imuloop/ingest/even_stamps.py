@@ -18,16 +18,14 @@ HALF = 0.5
 # noise of a host's clock
 SCATTER = 0.12
 # as few are an accident: rows of a part, parts of a log, missing samples, rows with a shared stamp;
-# also the bins of a mean step in the spectrum of the stamps, and its power beside random stamps
+# also the bins of a mean step in the spectrum of the stamps, and its power over that by chance
 ENOUGH = 16
 # mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
 _BLOCK, _PHASE = 4096, 512
-# share that is nearly all: of the transfers one size, of the stamps' peaks the highest
+# share of the transfers that have one size
 _NEARLY = 0.8
 # share by which rates of one sensor may differ, declared or by its stamps
 RATE_SHARE = 0.02
-# between so many bursts nothing is left, and what follows takes minutes to find that out
-MOST_BURSTS = 1000
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,8 @@ class Even:
 def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     """Return the `Even` samples of a log whose time stamps are to be rebuilt; None to keep them.
 
-    A host stamps what it receives. Its delay varies, and it may receive several samples at once.
+    A host stamps samples when it receives them. Its delay varies, and it may receive several
+    samples at once.
     Two ways lead to the step of the sensor:
 
     - The time stamps may still show the sensor's clock. Then lost samples differ from late ones.
@@ -203,13 +202,11 @@ def _clock(t):
     blocks = pulses[: len(pulses) // size * size].reshape(-1, size)
     length = next_fast_len(4 * size, real=True)
     power = np.abs(np.fft.rfft(blocks[:: len(blocks) // ENOUGH + 1], length)) ** 2
-    # beside the power of as many random stamps
+    # in units of the power of random stamps
     f, power = np.fft.rfftfreq(length, 1 / ENOUGH), power.mean(axis=0) * ENOUGH / size
     f, power = (each[(f > 1 - ENOUGH / size) & (f <= 2)] for each in (f, power))
-    # on a grid of stamps the clock has images at higher frequencies; a peak spans four
-    low = np.flatnonzero(power > _NEARLY * power.max())[0]
-    peak = f[low + power[low : low + ENOUGH // 2].argmax()]
-    for clock in (peak, 1.0):
+    # stamps on a grid may show the grid alone
+    for clock in (f[power.argmax()], 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # on a finer grid most steps are of two
@@ -239,9 +236,9 @@ def _is_beat(at):
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def packet_step(rows, t, repeats):
-    """Return the step of rows that share a time stamp, s, and whether it is that of the last row.
+    """Return the step of rows that share a time stamp, s, and whether the last row has its time.
 
-    None if such rows are no packet: then the time stamps around them go on as always. `rows` and
+    None if such rows are not packets: then the time stamps around them go on as always. `rows` and
     `t` are number and time, s, of each row with a new time stamp. `repeats` is the number of other
     rows.
     """
@@ -260,8 +257,8 @@ def packet_step(rows, t, repeats):
 def spread(x, readable, step, is_last):
     """Return time stamps in which rows that share one are a `step` apart, in their unit.
 
-    The shared time stamp is that of the last row, else of the first. No row comes before the time
-    stamp before, nor after the next one.
+    The last row of a packet has the shared time stamp if `is_last`, else the first row. No row
+    comes before the time stamp before, nor after the next one.
     """
     logged = x[readable]
     starts = np.flatnonzero(np.append(True, logged[1:] != logged[:-1]))
@@ -291,37 +288,9 @@ def rebuilt_line(rows):
         return shared + pauses
     median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
     if median < HALF * even.step:
-        return f"{_bursts(median, mean)}{pauses}"
+        steps = f"median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms"
+        return f"the stamps come in bursts ({steps}){pauses}"
     known = ", no sample is lost" if even.complete else ""
     if not (even.complete or len(even.lost)):
         known = ", so that lost samples would not show"
     return f"the stamps scatter about a regular clock{known}{done}"
-
-
-def _bursts(median, mean):
-    """Return the words on time stamps in bursts, by their steps, s."""
-    return (
-        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
-    )
-
-
-# times of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def bursts_fault(t, gaps, rate=None):
-    """Return what is wrong with time stamps in bursts that no line could rebuild, or None.
-
-    A sensor that pauses by itself pauses for long, goes on for long, or has the declared `rate`,
-    Hz, in between. `t` are times, s, and `gaps` their gaps as in quality.json.
-    """
-    if not gaps["count"]:
-        return None
-    median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
-    stretch = (t[-1] - t[0] - gaps["total_s"]) / (gaps["count"] + 1)
-    pauses = gaps["total_s"] > HALF * gaps["count"] or stretch >= HALF
-    if pauses or median >= HALF * mean or (rate and abs(median * rate - 1) < RATE_SHARE):
-        return None
-    return (
-        f"{_bursts(median, mean)} with {gaps['count']} gaps between, and lie on no line: rows are "
-        "lost, or held back. If the sensor itself samples evenly, take the row's number for the "
-        f"time: columns.time: null, and about rate: {1 / mean:.4g}"
-    )

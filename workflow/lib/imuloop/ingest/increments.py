@@ -63,7 +63,7 @@ def rates(rows):
 
 
 def figures(rows, counts, usual):
-    """Return what quality.json says of increments of `Rows`; None if there are none.
+    """Return the entry ``increments`` of quality.json for `Rows`; None if they hold no increments.
 
     `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
     """

@@ -38,7 +38,7 @@ _WITH_UNIT = ("time", *SENSORS)
 
 @dataclass(frozen=True)
 class Declared:
-    """What the config says of a log; what is left out is found from the log, units else SI.
+    """Keys of the config about a log; columns and units that are left out are found from the log.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Declared:
     gravity: float = STANDARD_GRAVITY
 
     def of_log(self):
-        """Return what of the log itself is declared, as in the config."""
+        """Return the declared keys about the log itself, as in the config."""
         names = ("format", "columns", "units", "rate", "full_scale")
         return {name: value for name in names if (value := getattr(self, name))}
 
@@ -77,7 +77,7 @@ class Reading:
     """A log as it was read, and the unit of each quantity.
 
     `files` maps the role of each file to its path, and `state` is their state before they were
-    read. `format` is that of the log. `absent` is the quantity of a sensor that the log lacks.
+    read. `format` is the log's. `absent` is the quantity of a sensor that the log lacks.
     `fault` is the RejectedLog that says why it cannot be used. `doubts` are lines on its units.
     """
 
@@ -120,12 +120,12 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
     samples_path, quality_path : path-like
         Where the results go.
     declared : Declared, optional
-        What the config says of the log.
+        Keys of the config about the log.
 
     Raises
     ------
     ImuloopError
-        If what is declared does not fit the log; one line with device, session and file.
+        If a declaration does not fit the log; one line with device, session and file.
     """
     declared, paths = declared or Declared(), [Path(path) for path in paths]
     who = {"device": device, "session": session, "kind": kind}
@@ -145,7 +145,7 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
     """Write samples without rows and a quality with the reason, for a log that does not fit.
 
-    The reason is about what is declared. The other parameters are those of `ingest`.
+    The reason is about the declaration. The other parameters are as in `ingest`.
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
     none = no_samples(reading.log), Counts(reasons=[reason])
@@ -178,11 +178,11 @@ def read(paths, declared):
 def choose_units(log, declared):
     """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
-    `declared` are those of the config; an ImuloopError where one is no unit.
+    `declared` are the units of the config. Raises an ImuloopError for an unknown one.
     """
     stamps = log.found.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
-        # two columns are joined to ns, whatever is declared of them
+        # two columns are joined to ns, with any declaration
         declared = declared | {"time": "ns"}
     used = {q: declared.get(q) or log.units.get(q) or units[0] for q, units in UNITS.items()}
     for quantity, unit in used.items():
@@ -192,7 +192,7 @@ def choose_units(log, declared):
             continue
         if quantity not in declared:
             raise unknown_unit(quantity, unit)
-        # that of sensors is checked with their scale
+        # units of sensors are checked with their scale
         if quantity not in SENSORS:
             near = stated_unit(quantity, unit)
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(UNITS[quantity])}"
@@ -232,7 +232,6 @@ def check(reading, samples, counts, declared, kind):
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
         in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
-    bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
     dropped, channels = figures.pop("isolated")
     if len(dropped):
         number = np.bincount(channels, minlength=len(CHANNELS)).tolist()
@@ -242,17 +241,13 @@ def check(reading, samples, counts, declared, kind):
         # the gaps that this leaves are counted as spikes
         figures = _measure(reading, samples, declared) | {"gaps": figures["gaps"]}
         del figures["isolated"]
-    # without an accelerometer there is no yardstick
+    # an accelerometer is the yardstick
     gravity = None if reading.absent == "acceleration" else declared.gravity
     of_log = {"figures": figures, "counts": counts, "log": log, "units": raw_units, "kind": kind}
     findings = checks.findings(
         checks.Evidence(**of_log, gravity=gravity, nominal=declared.nominal, rate=rate)
     )
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
-    if bursts:
-        # what was found by a wrong rate is wrong, too
-        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
-        wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
     reasons, unread = counts.reasons, findings[checks.UNREADABLE]
     if _state(reading.files.values()) != reading.state:
@@ -280,7 +275,7 @@ def check(reading, samples, counts, declared, kind):
         "format": 1,
         "status": "rejected" if reasons or wrong else "ok",
         "reasons": [*map(for_reader, reasons or wrong)],
-        # whether the entry, not the log, is what the reasons are about
+        # whether the reasons are about the entry, not the log
         "misdeclared": bool(wrong and not reasons),
         "warnings": [*map(for_reader, lines)],
         **figures,
@@ -295,7 +290,7 @@ def check(reading, samples, counts, declared, kind):
 
 
 def _measure(reading, samples, declared):
-    """Return the quality figures of samples, without those of a sensor that the log lacks."""
+    """Return the quality figures of samples, with neutral ones for a sensor that the log lacks."""
     figures = quality.measure(samples, reading.raw_units, declared.full_scale)
     absent, faults = reading.absent, figures["faults"]
     if absent:
@@ -305,7 +300,7 @@ def _measure(reading, samples, declared):
     if absent and faults:
         faults["zero_rows"][absent] = 0
         faults["in_turn"] = dict.fromkeys(SENSORS, 0)
-        # a change of the force is no fault where turns are not seen
+        # a change of the force may be a turn, which is not seen
         if absent == "angular_rate" and faults["rests"]:
             faults["rests"]["jump_m_s2"] = 0.0
     return figures
@@ -347,7 +342,7 @@ def _write(samples_path, quality_path, samples, found, origin):
 
 
 def _state(paths):
-    """Return what differs once a file at the paths, or in a folder there, is written to."""
+    """Return figures of files at the paths, or in folders there, that change with each write."""
     files = [f for path in paths for f in (sorted(path.iterdir()) if path.is_dir() else [path])]
     stats = {file: file.stat() for file in files if file.is_file()}
     return {file: (s.st_ino, s.st_size, s.st_mtime_ns) for file, s in stats.items()}

@@ -1,4 +1,4 @@
-"""Logs of which each has a clock of its own: joined onto one clock."""
+"""Logs with different clocks, joined onto one clock."""
 
 import numpy as np
 import pyarrow as pa
@@ -21,11 +21,11 @@ _AS_FAST = 0.05
 def join(logs):
     """Return the RawLog of logs by name: of both sensors, of one each, or of a thermometer.
 
-    The rows are those of the faster sensor, or of the gyroscope if both are equally fast. Each
-    holds the sample of the slower sensor that is nearest in time and within half a gap
+    The rows are the samples of the faster sensor, or of the gyroscope if both are equally fast.
+    Each holds the sample of the slower sensor that is nearest in time and within half a gap
     (`gap_limit`), or not-a-number, so that mean and variance of the slower sensor stay its own. The
-    column `HELD` has the stamps of the held samples. The temperature is that of the log whose rows
-    these are; without one, another's is interpolated linearly.
+    column `HELD` has the stamps of the held samples. The temperature comes from the log of these
+    rows; without one there, another's is interpolated linearly.
     """
     whose = {q: name for name, log in logs.items() for q in SENSORS if q in log.found}
     times = {q: logs[name].found.get("time") for q, name in whose.items()}
@@ -98,7 +98,7 @@ def _rows(log):
 def _faster(stamps):
     """Return the log with the fastest clock; the last, the gyroscope's, if they are equally fast.
 
-    `stamps` are those of each log by name, that of the accelerometer first.
+    `stamps` are the time stamps of each log by name, the accelerometer's first.
     """
     steps = {}
     for name, x in stamps.items():
@@ -115,8 +115,8 @@ def _onto(names, stamps, values, tick, linear):
 
     Rows that miss a value, repeat a stamp or come late are left out. Values are not-a-number where
     no sample is near: within half of a gap of the nearest sample, or, if they are interpolated
-    (`linear`), between two samples without a gap. `names` are those of the clock and of the log,
-    and `stamps` are by name, in units of `tick` ns.
+    (`linear`), between two samples without a gap. `names` are the names of the clock and of the
+    log, and `stamps` are by name, in units of `tick` ns.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def _onto(names, stamps, values, tick, linear):
     held : ndarray, shape (m,)
         Stamp of the nearest sample.
     lost : str
-        What to say of the rows that were left out.
+        Words on the rows that were left out.
     """
     times = []
     for name in names:

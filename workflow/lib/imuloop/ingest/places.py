@@ -29,7 +29,7 @@ _KEY = re.compile(
     rf"(?<![\w.-])((?:columns|units|nominal|range)\.(?:{_QUANTITY})(?:\.\w+)*"
     rf"|rate(?= in Hz|: \d))(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
-# a key by itself that is none of those, and its option
+# any other key by itself, and its option
 _ALONE = re.compile(r"(rate|format|sensor|range|columns|units|nominal)(?:\.(\w+))?")
 _OPTIONS = {"columns": "--columns ", "nominal": "--counts "}
 # keys that only a config has

@@ -23,9 +23,9 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# a local clock that is further off is none; a mark that is, against its neighbours, is no mark
+# largest error of the rate of a local clock, s/s, and of a mark against its neighbours, s
 MOST_OFF = 500e-6
-# marks beside which one is looked at, itself among them
+# marks whose median a mark is compared with, itself among them
 _NEIGHBOURS = 11
 # GNSS time of a mark is a whole second, but for its rounding, s
 _WHOLE = 1e-3
@@ -36,8 +36,8 @@ _WEEK = 604_800
 class Timeline:
     """GNSS time `seconds` from the first mark over the local counter at marks, `counters`, rising.
 
-    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` what
-    quality.json says of the marks.
+    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` the
+    entry of quality.json on the marks.
     """
 
     counters: np.ndarray
@@ -53,7 +53,7 @@ class Timeline:
         return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
-        """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
+        """Return the moment of GNSS time from the first mark, ns since 1970; None if not dated."""
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
     def figures_beside(self, seconds):
@@ -65,8 +65,8 @@ class Timeline:
 def find_timeline(rows, path=None):
     """Return GNSS time over the counter of a log, the mended time stamps of its `Rows`.
 
-    Marks are ``counter`` and ``time`` of what is declared as `pps`, columns of the log, or of the
-    text table at `path`, by default its first two. Marks that do not fit the log reject it.
+    Marks are the declared columns ``counter`` and ``time`` of `pps`, of the log, or of the text
+    table at `path`, by default its first two. Marks that do not fit the log reject it.
     """
     columns, fault = rows.declared.pps, None
     if not (path or rows.log.found.get("pps")):
@@ -116,9 +116,9 @@ def _align(counters, rows):
 def _fit_timeline(counters, times, dated, rows):
     """Return GNSS time over the counter, through the marks that can be used.
 
-    Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
-    where their neighbours put them, and all but the longest stretch of marks between which the
-    local clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or
+    Marks are rejected that are not whole seconds, or that are more than `MOST_OFF` s away from the
+    line through their neighbours. The longest stretch is used in which the rate of the
+    local clock is off by at most `MOST_OFF`. `counters` have no roll-over, `times` are s, or
     ns where `dated`; `rows` are the `Rows` of the log.
     """
     given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
@@ -155,7 +155,7 @@ def _fit_timeline(counters, times, dated, rows):
 
 
 def warnings(done):
-    """Return what was done by marks, from their figures if there are any, a line each."""
+    """Return the line on a clock by marks, from their figures, if there are any."""
     if not done:
         return []
     drift, outside = done["drift_ppm"], done["before"] or done["after"]

@@ -20,9 +20,8 @@ class RawLog:
     in the config, where the file states that; `columns` lists all columns, `unread` is how many of
     a table's are not read, `notes` say how the file was read. `lost_bytes` are those in
     `bad_lines`, `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is
-    the sensor, of two with their own clocks, whose samples are put beside those of the other:
-    its own stamps are the column `held` then; `sensor_ids`, by sensor, number and slot of its own
-    where the log's autopilot has them.
+    the sensor, of two with different clocks, whose samples are put into the rows of the other: its
+    stamps are the column `held` then; `sensor_ids`, by sensor, are number and slot in an autopilot.
     """
 
     batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))

@@ -1,4 +1,4 @@
-"""A reference beside a log: attitudes and places of a body on the device, on the log's clock."""
+"""A reference for a log: attitudes and places of a body on the device, on the log's clock."""
 
 import re
 from dataclasses import replace
@@ -21,7 +21,8 @@ from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 SAME_CLOCK, STEP = 0.1, 0.01
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
-# rad; a marker that is taken for another turns the body by more, beside most of so many s
+# rad; a marker that is taken for another turns the body by more, compared with the median over
+# this time, s
 SWAPPED, BLOCK = 0.2, 2.0
 
 
@@ -38,8 +39,8 @@ def beside(samples, files, declared, session, counts):
     files : dict
         Path of each file by its role; without ``reference`` it is the log that holds it.
     declared, session : dict
-        What the config says of the reference and of the log: ``format``, ``columns``, ``units``,
-        ``convention``, ``rate``.
+        Keys of the config about the reference and about the log: ``format``, ``columns``,
+        ``units``, ``convention``, ``rate``.
     counts : Counts
         When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``; and the first
         stamp, ``origin``.
@@ -64,10 +65,10 @@ def beside(samples, files, declared, session, counts):
 
 
 def read_series(path, log_format, columns):
-    """Return the stamps of a table, None without, and numbers in columns of a reference, (n, k).
+    """Return the stamps of a table, if it has any, and numbers in columns of a reference, (n, k).
 
-    `columns` are as declared, ``time``, ``orientation`` and ``position``; of two quantities that
-    of ``orientation`` comes first. Nothing is read of sensors.
+    `columns` are as declared, ``time``, ``orientation`` and ``position``; the numbers of
+    ``orientation`` come first. Sensors are not read.
     """
     form = find_format(log_format, {"log": path})[1]
     others = {
@@ -130,10 +131,10 @@ def _read(files, declared, session, counts):
 
 
 def _on_clock(reference, t, w):
-    """Return the reference on the samples' clock, and its offset, s: where rates look alike.
+    """Return the reference on the samples' clock, and its offset, s, at which rates agree best.
 
     `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). The clocks
-    are one where the best offset is below `SAME_CLOCK`; what is left of it is for the diagnosis.
+    are one where the best offset is below `SAME_CLOCK`; the diagnosis finds the rest of it.
     """
     start, end, turn = turns(reference)
     grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), STEP)
@@ -193,7 +194,7 @@ def _noise(reference):
     """
 
     def size(known, difference):
-        """Return σ by the median, where four samples on end are evenly spaced; None without."""
+        """Return σ by the median over four evenly spaced samples in a row, if there are any."""
         at = np.flatnonzero(known)
         steps = np.diff(reference.t[at])
         if len(steps) < 3:

@@ -26,7 +26,7 @@ class Rows:
     Attributes
     ----------
     log, units, declared : RawLog, dict, Declared
-        The log as it was read, its units by quantity, and what the config says of it.
+        The log as it was read, its units by quantity, and the keys of the config about it.
     values : dict of str to array
         The six axes and the temperature as logged; 0 for a sensor that the log lacks.
     stamps : dict of str to tuple
@@ -35,7 +35,7 @@ class Rows:
         Rows that repeat the one before in time stamp and all values.
     x, usable, before : array
         Time stamps as mended, or numbers of the rows, of `scale` s each, which of them can be used,
-        and the newest one before each row; one before `origin` if there is none.
+        and the newest one before each row, in the first one less than `origin`.
     clock : Clock
         What was mended.
     timeline : Timeline or None
@@ -120,7 +120,7 @@ class Rows:
         return (x - x[:1].sum()) * self.scale
 
     def moment(self, stamp):
-        """Return a time stamp as ns since 1970; None if it is no date."""
+        """Return a time stamp as ns since 1970; None if it is not a date."""
         if self.timeline:
             return self.timeline.moment(stamp)
         unit = self.units["time"]
@@ -159,7 +159,7 @@ class Rows:
         np.maximum(self.before, self.before[0], out=self.before)
 
     def _make_even(self):
-        """Make the time stamps even if the sensor samples evenly, or spread those of packets."""
+        """Make the time stamps even if the sensor samples evenly, or spread the rows of packets."""
         whole = self.usable & self.inside
         for name in CHANNELS:
             whole &= np.isfinite(self.values[name])

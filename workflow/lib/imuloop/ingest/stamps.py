@@ -34,7 +34,7 @@ def parse_stamps(text):
     series = pc.utf8_trim_whitespace(text).to_pandas()
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
-        # whole numbers beside a few unreadable ones keep all their digits
+        # whole numbers keep all their digits if a few others are unreadable
         number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
         return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
     clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
@@ -132,7 +132,7 @@ def iso_nanoseconds(value):
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
-    """Return a stamp as nanoseconds since 1970, or None where it is no date.
+    """Return a stamp as nanoseconds since 1970, or None where it is not a date.
 
     Numbers count as Unix time where that puts them between 2000 and 2100.
     """
