@@ -76,17 +76,18 @@ class Declared:
 class Reading:
     """A log as it was read, and the unit of each quantity.
 
-    `files` maps the role of each file to its path, and `state` is their state before they were
-    read. `format` is the log's. `absent` is the quantity of a sensor that the log lacks.
-    `fault` is the RejectedLog that says why it cannot be used. `doubts` are lines on its units.
+    `declared` are the keys of the config about it. `files` maps the role of each file to its path,
+    and `state` is their state before they were read. `format` is the log's. `absent` is the
+    quantity of a sensor that the log lacks. `fault` is the RejectedLog that says why it cannot be
+    used. `doubts` are lines on its units.
     """
 
+    declared: Declared = field(default_factory=Declared)
     files: dict = field(default_factory=dict)
     state: dict = field(default_factory=dict)
     format: str | None = None
     log: RawLog = field(default_factory=RawLog)
     units: dict = field(default_factory=lambda: {q: units[0] for q, units in UNITS.items()})
-    nominal: dict = field(default_factory=dict)
     absent: str | None = None
     fault: RejectedLog | None = None
     doubts: list = field(default_factory=list)
@@ -99,7 +100,8 @@ class Reading:
     @property
     def raw_units(self):
         """Unit of each sensor, a `RawUnit`, by its quantity."""
-        scales = {q: self.log.nominal.get(q, {}) | self.nominal.get(q, {}) for q in SENSORS}
+        logged, declared = self.log.nominal, self.declared.nominal
+        scales = {q: logged.get(q, {}) | declared.get(q, {}) for q in SENSORS}
         return {q: raw_unit(q, self.units[q], scales[q]) for q in SENSORS}
 
 
@@ -131,7 +133,7 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
     who = {"device": device, "session": session, "kind": kind}
     try:
         reading = read(paths, declared)
-        samples, found, origin = check(reading, *convert(reading, declared), declared, kind)
+        samples, found, origin = check(reading, *convert(reading), kind)
         _write(samples_path, quality_path, samples, found, who | origin)
     except (ImuloopError, OSError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
@@ -149,7 +151,7 @@ def write_rejected(*, device, session, kind, samples_path, quality_path, reason)
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
     none = no_samples(reading.log), Counts(reasons=[reason])
-    samples, found, origin = check(reading, *none, Declared(), kind)
+    samples, found, origin = check(reading, *none, kind)
     _write(samples_path, quality_path, samples, found | {"misdeclared": True}, who | origin)
 
 
@@ -162,7 +164,7 @@ def read(paths, declared):
             raise ImuloopError("there is no such file")
     roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
     files = dict(zip(roles, paths, strict=True))
-    found = Reading(files, _state(paths), declared.format, nominal=declared.nominal)
+    found = Reading(declared, files, _state(paths), declared.format)
     in_log = declared.pps and "pps" not in files
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
     try:
@@ -205,13 +207,13 @@ def choose_units(log, declared):
     return {q: u for q, u in used.items() if q in _WITH_UNIT or q in log.found}, doubts
 
 
-def convert(reading, declared):
+def convert(reading):
     """Return the samples of a log on its one clock, and their `Counts`."""
     log, counts = reading.log, Counts(read=reading.log.batch.num_rows)
     try:
         if reading.fault:
             raise reading.fault
-        rows = Rows(log, reading.units, declared)
+        rows = Rows(log, reading.units, reading.declared)
         if not counts.read:
             return no_samples(log), counts
         rows.find_clock(reading.files.get("pps"))
@@ -225,10 +227,10 @@ def convert(reading, declared):
     return samples, counts
 
 
-def check(reading, samples, counts, declared, kind):
+def check(reading, samples, counts, kind):
     """Return the samples, none of a rejected log, what quality.json says, and their origin."""
-    log, raw_units, rate = reading.log, reading.raw_units, declared.rate
-    figures, in_ms = _measure(reading, samples, declared), None
+    log, raw_units, declared = reading.log, reading.raw_units, reading.declared
+    figures, in_ms, rate = _measure(reading, samples), None, declared.rate
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
         in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
@@ -239,7 +241,7 @@ def check(reading, samples, counts, declared, kind):
         counts.spiked = len(np.unique(dropped))
         samples = {name: np.delete(x, dropped) for name, x in samples.items()}
         # the gaps that this leaves are counted as spikes
-        figures = _measure(reading, samples, declared) | {"gaps": figures["gaps"]}
+        figures = _measure(reading, samples) | {"gaps": figures["gaps"]}
         del figures["isolated"]
     # an accelerometer is the yardstick
     gravity = None if reading.absent == "acceleration" else declared.gravity
@@ -255,7 +257,7 @@ def check(reading, samples, counts, declared, kind):
     if unread:
         wrong, doubts, counts.logged, counts.rebuilt = [], [], None, None
     reasons = reasons or unread or findings[checks.UNUSABLE]
-    origin = _origin(reading, counts, declared)
+    origin = _origin(reading, counts)
     ends = {"rails": quality.rails(figures, declared.full_scale), "stuck": quality.stuck(figures)}
     origin |= {name: found for name, found in ends.items() if found}
     if declared.reference and not (reasons or wrong):
@@ -289,9 +291,9 @@ def check(reading, samples, counts, declared, kind):
     return no_samples(log) if reasons or wrong else samples, found, origin
 
 
-def _measure(reading, samples, declared):
+def _measure(reading, samples):
     """Return the quality figures of samples, with neutral ones for a sensor that the log lacks."""
-    figures = quality.measure(samples, reading.raw_units, declared.full_scale)
+    figures = quality.measure(samples, reading.raw_units, reading.declared.full_scale)
     absent, faults = reading.absent, figures["faults"]
     if absent:
         axes = SENSORS[absent]
@@ -306,9 +308,9 @@ def _measure(reading, samples, declared):
     return figures
 
 
-def _origin(reading, counts, declared):
+def _origin(reading, counts):
     """Return where samples come from, in what units and when they begin."""
-    files, paths = reading.of_log, [*reading.state]
+    files, paths, declared = reading.of_log, [*reading.state], reading.declared
     distinct = len({path.name for path in paths}) == len(paths)
     start, turned = counts.start_ns, declared.known_rotation
     return {

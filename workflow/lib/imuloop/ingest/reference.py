@@ -17,8 +17,8 @@ from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
-# s; up to here clocks count as one, which are compared in such steps
-SAME_CLOCK, STEP = 0.1, 0.01
+# s, step in which the clocks are compared
+STEP = 0.01
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
 # rad; a marker that is taken for another turns the body by more, compared with the median over
@@ -50,7 +50,7 @@ def beside(samples, files, declared, session, counts):
     raw, figures = _read(files, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
-    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
+    figures["clock"] = {"offset_s": shift, "own": abs(shift) > COMPARED}
     figures |= {"unexplained": residual, "frame": frame}
     if not reasons:
         if declared["convention"] == "world_to_body":
@@ -134,7 +134,7 @@ def _on_clock(reference, t, w):
     """Return the reference on the samples' clock, and its offset, s, at which rates agree best.
 
     `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). The clocks
-    are one where the best offset is below `SAME_CLOCK`; the diagnosis finds the rest of it.
+    are one where the best offset is below `COMPARED`; the diagnosis finds the rest of it.
     """
     start, end, turn = turns(reference)
     grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), STEP)
@@ -148,7 +148,7 @@ def _on_clock(reference, t, w):
     alike = correlate(*pair, method="fft")
     best = int(np.argmax(alike))
     shift = correlation_lags(len(grid), len(grid))[best] * STEP
-    if abs(shift) <= SAME_CLOCK:
+    if abs(shift) <= COMPARED:
         return reference, 0.0
     below, peak, above = alike.take([best - 1, best, best + 1], mode="clip")
     bend = below - 2 * peak + above

@@ -67,7 +67,12 @@ class Rows:
         if self.stamped and count and not self.usable.any():
             raise no_stamps(log.batch[STAMP], log.found["time"])
         if self.stamped and not self.dates and unit not in TIME_SCALES:
-            raise unknown_unit("time", unit)
+            if "time" not in declared.units:
+                raise unknown_unit("time", unit)
+            name, known = log.found["time"], ", ".join(TIME_SCALES)
+            raise ImuloopError(
+                f"units.time is ISO 8601, but column '{name}' holds numbers; use one of {known}"
+            )
         if count and not (self.stamped or declared.rate):
             raise ImuloopError(
                 f"the log has no time column of a usual name ({log.columns}); "
