@@ -112,8 +112,6 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
             even = Even(own_step, first[losses], lost[losses])
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
-    if packets:
-        return even
     test = JitterTest(even.step, scatter)
     test.add(t, turn_rate)
     if clean:
