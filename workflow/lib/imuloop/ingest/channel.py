@@ -55,8 +55,8 @@ class Channel:
     `step` is the quantisation step, 0 if it is not known, `low` and `high` are the ends of its
     range. `is_fine` tells whether noise spans the step in half of the blocks that change. `stuck`
     are first row and rows of the runs that are too long for chance, and `tops` the values of flat
-    tops. `failed_reads` is the number of rows that hold one value again and again, far from those
-    beside them.
+    tops. `failed_reads` is the number of rows that hold one value again and again, far from the
+    rows around them.
     """
 
     x: np.ndarray
@@ -89,12 +89,13 @@ class Channel:
         A value that swings from end to end changes more next to the jump. One that saturates is
         held at an end. One that is switched on goes from zero to an end.
         """
-        size, span = np.abs(np.diff(self.x)), self.high - self.low
-        rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
+        span = self.high - self.low
         bits = np.log2(max(span, 1))
         whole = self.low >= 0 and bits > 11 and 2 ** (np.ceil(bits) - bits) <= 1 / MOST
         if not (whole or abs(self.low + self.high) / 2 <= (1 - MOST) * span):
-            return rows[:0]
+            return np.empty(0, dtype=int)
+        size = np.abs(np.diff(self.x))
+        rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
         before, after = size[rows - 1], size[rows + 1]
         from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
         held = ((before == 0) & from_end) | ((after == 0) & to_end)
