@@ -8,6 +8,7 @@ import numpy as np
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
+from imuloop.core.units import RawUnit
 from imuloop.ingest import increments, misread
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP
@@ -90,9 +91,16 @@ def si_samples(rows, raw_units):
     )
     if rows.stamped:
         counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
+    logged = {*SENSORS} & {*log.found}
+    unit_of = {name: raw_units[q] for q in logged for name in SENSORS[q]}
+    if log.temperature:
+        unit_of[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
     inside, before, bad = rows.inside, rows.before, ~rows.usable
     for name, raw in values.items():
-        values[name] = x = _to_si(name, raw, rows, raw_units)
+        unit = unit_of.get(name)
+        # a channel in SI needs no copy
+        is_si = unit is None or (unit.scale, unit.offset) == (1.0, 0.0)
+        values[name] = x = raw if is_si else unit.to_si(raw)
         wrong = ~(np.abs(x) <= BEYOND)
         if wrong.any():
             lacks = ~np.isfinite(raw)
@@ -138,14 +146,3 @@ def si_samples(rows, raw_units):
             own = samples[TIME][first][which]
         samples[OWN_TIME[log.slower]] = own
     return samples, counts
-
-
-def _to_si(name, raw, rows, raw_units):
-    """Return a channel of `Rows`, (n,), in SI or degC; the same array if it is in them already."""
-    if name == TEMPERATURE:
-        scale, zero = DEGREES[rows.units["temperature"]]
-        return raw if (scale, zero) == (1.0, 0.0) else (raw - zero) * scale
-    quantity = next(q for q, axes in SENSORS.items() if name in axes)
-    unit = raw_units[quantity]
-    is_si = quantity not in rows.log.found or (unit.scale, unit.offset) == (1.0, 0.0)
-    return raw if is_si else unit.to_si(raw)

@@ -8,7 +8,7 @@ from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from imuloop.core.errors import plural
-from imuloop.ingest.jitter import JitterTest
+from imuloop.ingest.jitter import jitter_sign
 
 # Time stamps come in bursts if the median step is less than this share of the mean one. Rows that
 # share a time stamp are a packet if as many steps lie before or after it, but for this share of
@@ -112,12 +112,11 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
             even = Even(own_step, first[losses], lost[losses])
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
-    test = JitterTest(even.step, scatter)
-    test.add(t, turn_rate)
+    sign = jitter_sign(t, turn_rate, even.step, scatter)
     if clean:
         # the stamps of a slower sensor can lie on the same grid: the angular rate tells
-        return replace(even, complete=True) if test.even else None
-    return None if test.followed else even
+        return replace(even, complete=True) if sign == -1 else None
+    return None if sign == 1 else even
 
 
 def _width(x):
@@ -274,21 +273,16 @@ def spread(x, readable, step, is_last):
 @np.errstate(over="ignore", invalid="ignore")
 def rebuilt_line(rows):
     """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
-    even, t = rows.even, rows.logged
-    shared = f"the stamps of {rows.repeats} rows are those of others, as of packets of samples"
-    if not even:
-        return f"{shared}: they are put {rows.packets[0]:.6g} s apart within each packet"
-    done = f": t is rebuilt from the row number at {1 / even.step:.6g} Hz"
-    if len(even.lost):
-        done += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
-    pauses = f"{done}; where the sensor itself pauses, give rate in Hz"
+    even, t, why = rows.even, rows.logged, "scatter about a regular clock"
+    median, mean = np.median(np.diff(t)) * 1e3, (t[-1] - t[0]) / (len(t) - 1) * 1e3
     if rows.packets:
-        return shared + pauses
-    median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
-    if median < HALF * even.step:
-        steps = f"median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms"
-        return f"the stamps come in bursts ({steps}){pauses}"
-    known = ", no sample is lost" if even.complete else ""
-    if not (even.complete or len(even.lost)):
-        known = ", so that lost samples would not show"
-    return f"the stamps scatter about a regular clock{known}{done}"
+        why = f"of {rows.repeats} rows are those of others, as of packets of samples"
+    elif median * 1e-3 < HALF * even.step:
+        why = f"come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms)"
+    elif even.complete:
+        why += ", no sample is lost"
+    if not even:
+        return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
+    lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
+    done = f"t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}"
+    return f"the stamps {why}: {done}; where the sensor itself pauses, give rate in Hz"
