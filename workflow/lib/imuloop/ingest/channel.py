@@ -34,16 +34,20 @@ def blocks(x):
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
-def least_stuck(lengths):
-    """Return the least of the lengths of runs, (m,), that is too long for chance."""
-    counts = np.bincount(lengths)
+def least_stuck(counts):
+    """Return the least length of runs that is too long for chance, from their `counts` by length.
+
+    It is more than the number of all rows if no run is too long.
+    """
     length = np.flatnonzero(counts)
-    count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)[:, :-1]
+    count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)
+    most = rows[-1]
+    count, rows = count[:-1], rows[:-1]
     # the longest run of n with a mean m has about m ln n rows by chance
     by_chance = length[:-1] <= 1 + 3 * rows / count * np.log(count)
     least = STUCK_FACTOR * np.where(by_chance, 1, COARSE) * length[:-1]
     long = (length[1:] >= np.maximum(LEAST_STUCK, least)) & (count >= FEWEST)
-    return length[1:][long].min(initial=lengths.sum() + 1)
+    return length[1:][long].min(initial=most + 1)
 
 
 @dataclass
@@ -68,16 +72,20 @@ class Channel:
         self.width, self.changed = np.ptp(blocks(self.x), axis=1), self.x[1:] != self.x[:-1]
         changing = np.count_nonzero(self.width)
         self.is_fine = np.count_nonzero(self.width > SPAN * self.step) >= changing / 2 > 0
-        starts = np.append(0, np.flatnonzero(self.changed) + 1)
-        lengths, values = np.diff(starts, append=len(self.x)), self.x[starts]
-        long = lengths >= (least_stuck(lengths) if self.is_fine else len(self.x) + 1)
-        self.stuck = list(zip(starts[long].tolist(), lengths[long].tolist(), strict=True))
-        far = np.abs(np.diff(values)) > FAR_STEPS * self.step
-        far, lengths, values = far[:-1] & far[1:], lengths[1:-1], values[1:-1]
+        # first row and number of rows of the runs of two equal values and more
+        edges = np.flatnonzero(np.diff(self.changed, prepend=True, append=True))
+        first, lengths = edges[::2], edges[1::2] - edges[::2] + 1
+        counts = np.bincount(lengths, minlength=2)
+        counts[1] = np.count_nonzero(self.changed) + 1 - len(first)
+        long = lengths >= (least_stuck(counts) if self.is_fine else len(self.x) + 1)
+        self.stuck = list(zip(first[long].tolist(), lengths[long].tolist(), strict=True))
+        far = np.abs(np.diff(self.x)) > FAR_STEPS * self.step
+        inner = (lengths >= FLAT_TOP) & (first > 0) & (first + lengths < len(self.x))
+        first, last = first[inner], (first + lengths - 1)[inner]
+        tops = self.x[first[far[first - 1] & far[last]]]
         # values that are held have flat tops everywhere
-        tops = values[far & (lengths >= FLAT_TOP)]
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
-        alone, often = values[far & (lengths == 1)], OFTEN * len(self.x)
+        alone, often = self.x[1:-1][far[:-1] & far[1:]], OFTEN * len(self.x)
         rows = 0
         if self.step and len(alone) > often:
             rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
@@ -139,6 +147,8 @@ def silent(channels, force):
     `force` are the samples of the accelerometer's channels, (n,) each, whose variance tells which
     half is quiet.
     """
+    if all(c.width.all() for c in channels.values()):
+        return []
     power = sum(np.var(blocks(x), axis=1) for x in force)
     if not len(power):
         return []
@@ -155,9 +165,11 @@ def silent(channels, force):
 def rows_a_value(channels):
     """Return the number of rows for which a sensor's channels hold a value, 1 if they do not."""
     changed = np.any([c.changed for c in channels], axis=0)
-    lengths = np.diff(np.flatnonzero(changed))
     # nine in ten runs of a held value have at least this mean length
-    if len(lengths) < FEWEST or lengths.mean() < MOST * LEAST_HELD:
+    if np.count_nonzero(changed) * MOST * LEAST_HELD > len(changed):
+        return 1.0
+    lengths = np.diff(np.flatnonzero(changed))
+    if len(lengths) < FEWEST:
         return 1.0
     usual = np.median(lengths)
     near = lengths[np.abs(lengths - usual) <= max(1.0, 0.15 * usual)]

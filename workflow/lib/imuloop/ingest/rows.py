@@ -31,6 +31,10 @@ class Rows:
         The six axes and the temperature as logged; 0 for a sensor that the log lacks.
     stamps : dict of str to tuple
         Columns of time stamps as `stamp_values` gives them.
+    stamped, dates : bool
+        Whether the log holds time stamps, and whether these are ns since 1970.
+    tick : int or None
+        Nanoseconds per unit of time stamps that may roll over; None for dates.
     same : array of bool
         Rows that repeat the one before in time stamp and all values.
     x, usable, before : array
@@ -78,7 +82,6 @@ class Rows:
                 f"the log has no time column of a usual name ({log.columns}); "
                 "name it in columns.time, or give rate in Hz"
             )
-        # nanoseconds per unit, of time stamps that may roll over
         self.tick = None if self.dates else NANOSECONDS.get(unit)
         self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
         if not self.stamped:
