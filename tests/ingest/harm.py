@@ -237,6 +237,17 @@ def twice(log, force, rate, order=1):
 
 
 @harm
+def held_back(log):
+    """Stamps of transfers that come after random pauses of some tenths of a second."""
+    rng, number = np.random.default_rng(8), np.arange(len(log))
+    first = np.cumsum(np.r_[0, rng.integers(2, 60, len(log))])
+    transfer = np.searchsorted(first, number, side="right") - 1
+    sent = np.cumsum(rng.exponential(0.31, len(log)))
+    log["t"] = sent[transfer] + 0.002 * (number - first[transfer])
+    return log.sort_values("t", ignore_index=True)
+
+
+@harm
 def stamps(log, function):
     return log.assign(t=function(log.t.to_numpy()))
 

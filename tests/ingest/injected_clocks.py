@@ -1,12 +1,14 @@
 """Injections into time stamps and clocks."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 
 # isort: off
 # fmt: off
 from ingest.harm import (
-    after, at, counter, in_bursts, in_packets, late, later, lost, nothing, on_grid,
+    after, at, counter, held_back, in_bursts, in_packets, late, later, lost, nothing, on_grid,
     sampled_unevenly, scaled, scattered, stamps, unpadded, written_twice,
 )
 # fmt: on
@@ -21,6 +23,7 @@ from ingest.injection import (
     US,
     Injection,
 )
+from ingest.logs import brief
 
 # stamps and clocks
 CLOCKS = [
@@ -77,6 +80,10 @@ CLOCKS = [
               stamps(lambda t: t + np.tile([0, 1e-3], len(t) // 2)), None,
               figures={"clock.drift_ppm": None,
                        "clock.jitter_ppm": lambda ppm: abs(ppm - 1e5) < 1e3}),
+    *[Injection(f"{rows} rows that are held back at random", partial(brief, rows), held_back(),
+                None, rejected, figures=NOT_REBUILT | {"misdeclared": rejected, where: lambda lines:
+                "lie on no line" in str(lines) and "columns.time: null, and about" in str(lines)})
+      for rows, rejected, where in ((20_000, False, "warnings"), (60_000, True, "reasons"))],
     # of bursts 99 pauses are logged, and rows that are dropped keep their place
     Injection("samples in bursts, two missing", "brief",
               after(in_bursts(), at([7, 300], "ax", np.nan)), (BURSTS, "2 gaps"), drops=(7, 300),

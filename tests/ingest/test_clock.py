@@ -4,11 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.core.samples import CHANNELS, Samples
-from imuloop.core.units import DEGREE
-from imuloop.segment.segment import segment_session
-from imuloop.segment.settings import SegmentSettings
-from ingest.logs import RATE, brief, example_truth, poses, simulated
+from imuloop.core.samples import CHANNELS
+from ingest.logs import brief, example_truth, simulated
 
 SIX = [*CHANNELS]
 
@@ -111,16 +108,6 @@ def test_stamps_that_are_no_seconds_are_rejected(
         assert run(log, kind=kind, units={"time": unit}).quality["reasons"] == []
     else:
         assert (found["reasons"], found["rate_hz"]) == ([], pytest.approx(rate))
-
-
-def test_what_follows_copes_with_milliseconds(run):
-    """Protects turns in deg/s, and slow logs: a sample longer than a part of a rest."""
-    log = poses()
-    log[RATE] /= DEGREE
-    assert "57,000 times" in run(log.assign(t=log.t * 1e3 + 0.1)).quality["reasons"][-1]
-    done = run(poses(50.0).assign(t=lambda log: log.t * 1e3), units={"time": "s"})
-    assert done.quality["reasons"] == []
-    assert len(segment_session(Samples(done.path), "multi_position", SegmentSettings())[0])
 
 
 # --- stamps of a host: the sensor's rate, what is lost, and what is only late

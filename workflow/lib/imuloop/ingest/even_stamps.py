@@ -26,6 +26,8 @@ _BLOCK, _PHASE = 4096, 512
 _NEARLY = 0.8
 # share by which rates of one sensor may differ, declared or by its stamps
 RATE_SHARE = 0.02
+# between more bursts no sound stretch is left, and later stages take minutes to find that
+MOST_BURSTS = 1000
 
 
 @dataclass(frozen=True)
@@ -278,7 +280,7 @@ def rebuilt_line(rows):
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"
     elif median * 1e-3 < HALF * even.step:
-        why = f"come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms)"
+        why = _in_bursts(median, mean)
     elif even.complete:
         why += ", no sample is lost"
     if not even:
@@ -286,3 +288,29 @@ def rebuilt_line(rows):
     lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
     done = f"t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}"
     return f"the stamps {why}: {done}; where the sensor itself pauses, give rate in Hz"
+
+
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def bursts_fault(t, gaps, rate=None):
+    """Return a line on time stamps in bursts that no line could rebuild, or None.
+
+    A sensor that pauses by itself pauses for longer, or has the declared `rate`, Hz, in between.
+    `t` are times, s, and `gaps` their gaps as in quality.json.
+    """
+    if not gaps["count"]:
+        return None
+    median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
+    pauses = median >= HALF * mean or gaps["total_s"] > HALF * gaps["count"]
+    if pauses or (rate and abs(median * rate - 1) < RATE_SHARE):
+        return None
+    return (
+        f"the stamps {_in_bursts(median * 1e3, mean * 1e3)} with {gaps['count']} gaps between, and "
+        "lie on no line: rows are lost, or held back. If the sensor itself samples evenly, take "
+        f"the row's number for the time: columns.time: null, and about rate: {1 / mean:.4g}"
+    )
+
+
+def _in_bursts(median, mean):
+    """Return the words on time stamps in bursts, from their median and mean step, ms."""
+    return f"come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms)"
