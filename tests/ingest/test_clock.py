@@ -191,9 +191,13 @@ def test_late_samples_are_told_from_lost_ones(run, rate, seconds, more):
         assert np.quantile(np.abs(away - np.median(away)), 0.9) < 0.5 / rate
 
 
-def test_a_log_with_every_40th_packet_lost(recordings, run):
-    found = run(recordings("every_40th_packet_of_8_lost.csv.gz")).quality
-    assert found["rate_hz"] == pytest.approx(200, rel=1e-6)
-    # of 1,500 packets in 60 s the file holds 1,462
-    assert found["gaps"]["count"] == 38
-    assert found["gaps"]["total_s"] / 38 - 1 / 200 == pytest.approx(0.04)
+@pytest.mark.parametrize(
+    ("name", "rate", "gaps", "each"),
+    # of 1,500 packets in 60 s the first file holds 1,462
+    [("every_40th_packet_of_8_lost", 200, 38, 0.045), ("packets_share_stamps", 99.9995, 0, 0.0)],
+)
+def test_packets_of_recordings(recordings, run, name, rate, gaps, each):
+    found = run(recordings(f"{name}.csv.gz")).quality
+    assert found["rate_hz"] == pytest.approx(rate, rel=1e-6)
+    assert found["gaps"]["count"] == gaps
+    assert found["gaps"]["total_s"] == pytest.approx(gaps * each)

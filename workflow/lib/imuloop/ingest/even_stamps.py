@@ -22,7 +22,7 @@ SCATTER = 0.12
 ENOUGH = 16
 # mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
 _BLOCK, _PHASE = 4096, 512
-# share of the transfers that have one size
+# share that is nearly all: of the transfers one size, of the highest peak a lower one
 _NEARLY = 0.8
 # share by which rates of one sensor may differ, declared or by its stamps
 RATE_SHARE = 0.02
@@ -83,7 +83,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < ENOUGH**2:
+    if len(t) < 12 * ENOUGH:
         return None
     mean = (t[-1] - t[0]) / (rows[-1] - rows[0])
     if np.ptp(t - mean * rows) < SCATTER / 2 * mean and not packets:
@@ -114,6 +114,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
             even = Even(own_step, first[losses], lost[losses])
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
+    if packets:
+        return even
     sign = jitter_sign(t, turn_rate, even.step, scatter)
     if clean:
         # the stamps of a slower sensor can lie on the same grid: the angular rate tells
@@ -155,13 +157,19 @@ def _number_samples(rows, t, packets):
         For each transfer, or row: its first row, the number of samples lost before it, the number
         of its sample, and its time, s. Last, how far the stamps scatter about the clock, samples.
     """
-    size, rows, t = _transfers(rows, t, packets)
+    size, rows, t = _transfers(rows, t)
     clock = _clock(t)
     if not clock:
         return None
     stamped = rows - rows[0]
+    if size == 1 and packets and packets[1]:
+        # the time stamp belongs to the last row of a packet
+        stamped = np.append(rows[1:], rows[-1] + 1) - rows[1]
     place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
+    if size * (index[-1] - index[0]) < (1 - RATE_SHARE) * stamped[-1]:
+        # a clock of the transfers, not of the sensor
+        return None
     width = _width(place - index)
     lost = size * (index - index[0]) - stamped
     # where stamps scatter, some samples are numbered one too high or low
@@ -172,15 +180,16 @@ def _number_samples(rows, t, packets):
     return rows, lost, stamped + lost, t, size * width
 
 
-def _transfers(rows, t, packets):
+def _transfers(rows, t):
     """Return size, first rows and times of transfers; of single rows if their sizes differ."""
     apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
-    starts = np.append(0, 1 + np.flatnonzero(apart | bool(packets)))
-    size = np.diff(rows[starts])
-    usual = int(np.median(size)) if len(size) >= ENOUGH else 1
-    if usual > 1 and np.mean(size == usual) >= _NEARLY:
-        # the first and the last one may be incomplete
-        return usual, rows[starts][1:-1], t[starts][1:-1]
+    # packets with a shared time stamp, else bursts
+    for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(apart))):
+        size = np.diff(rows[starts])
+        usual = int(np.median(size)) if len(size) >= ENOUGH else 1
+        if usual > 1 and np.mean(size == usual) >= _NEARLY:
+            # the first and the last one may be incomplete
+            return usual, rows[starts][1:-1], t[starts][1:-1]
     return 1, rows, t
 
 
@@ -204,12 +213,14 @@ def _clock(t):
     # in units of the power of random stamps
     f, power = np.fft.rfftfreq(length, 1 / ENOUGH), power.mean(axis=0) * ENOUGH / size
     f, power = (each[(f > 1 - ENOUGH / size) & (f <= 2)] for each in (f, power))
-    # stamps on a grid may show the grid alone
-    for clock in (f[power.argmax()], 1.0):
+    # on a grid of stamps the clock has images at higher frequencies; a peak spans four
+    low = np.flatnonzero(power > _NEARLY * power.max())[0]
+    peak = f[low + power[low : low + ENOUGH // 2].argmax()]
+    for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
-        # on a finer grid most steps are of two
-        if np.interp(clock, f, power) > ENOUGH and ones > more:
+        # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
+        if np.interp(clock, f, power) > ENOUGH and ones > max(0.3, _NEARLY * more):
             return clock * mean
     return None
 
