@@ -18,10 +18,12 @@ HALF = 0.5
 # noise of a host's clock
 SCATTER = 0.12
 # as few are an accident: rows of a part, parts of a log, missing samples, rows with a shared stamp;
-# also the bins of a mean step in the spectrum of the stamps, and its power over that by chance
+# also the bins of a mean step in the spectrum of the stamps
 ENOUGH = 16
 # mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
 _BLOCK, _PHASE = 4096, 512
+# least power of a clock in that spectrum, in units of the power of random stamps
+_SURE = 20.0
 # share that is nearly all: of the transfers one size, of the highest peak a lower one
 _NEARLY = 0.8
 # share by which rates of one sensor may differ, declared or by its stamps
@@ -220,7 +222,7 @@ def _clock(t):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) > ENOUGH and ones > max(0.3, _NEARLY * more):
+        if np.interp(clock, f, power) > _SURE and ones > max(0.3, _NEARLY * more):
             return clock * mean
     return None
 
