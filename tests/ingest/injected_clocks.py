@@ -23,21 +23,20 @@ from ingest.injection import (
     US,
     Injection,
 )
-from ingest.logs import (
-    brief,
-)  # fmt: skip
+from ingest.logs import brief
 
 # stamps and clocks
 CLOCKS = [
-    Injection("32 bits of us roll over", "brief", counter(2**32, 1e-6),
-              ("the stamps roll over after 4294.967296 s, once: the span is added",),
-              rebuilt_within=1e-12, declared=US, figures={"gaps.count": 0, "clock.rollovers": 1}),
-    Injection("24 bits of us roll over in a gap", "brief", counter(2**24, 1e-6, gap=3),
-              ("the stamps roll over after 16.777216 s", "1 gap"), rebuilt_within=1e-12,
-              declared=US, figures={"clock.rollovers": 1}),
-    Injection("the ms of a week begin again", "brief", counter(604_800_000, 1e-3),
-              ("the stamps roll over after 604800 s",), rebuilt_within=1e-12,
-              declared={"units": {"time": "ms"}}, figures={"clock.rollovers": 1}),
+    # what the counter is; span, ticks, and length of a tick, s; rows lost there
+    *[Injection(name, "brief", counter(width, tick, gap=gap),
+                (f"the stamps roll over after {width * tick:.10g} s, once: the span is added",
+                 *["1 gap"] * bool(gap)),
+                rebuilt_within=1e-12, declared={"units": {"time": unit}},
+                figures={"gaps.count": bool(gap), "clock.rollovers": 1})
+      for name, width, tick, unit, gap in [
+          ("32 bits of us roll over", 2**32, 1e-6, "us", 0),
+          ("24 bits of us roll over in a gap", 2**24, 1e-6, "us", 3),
+          ("the ms of a week begin again", 604_800_000, 1e-3, "ms", 0)]],
     Injection("a time of the day at midnight", "brief", stamps(lambda t: pd.to_datetime(
               (np.rint(t * 1000) + 86_397_000) % 86_400_000, unit="ms").strftime("%H:%M:%S.%f")),
               ("the stamps roll over after 86400 s",), rebuilt_within=1e-9),
@@ -45,10 +44,6 @@ CLOCKS = [
     Injection("the clock starts again", "brief", stamps(lambda t: np.r_[100 + t[:200], t[:300]]),
               ("the stamps start again once", "1 gap, 0.1 s together"),
               figures={"clock.resets": 1, "gaps.list.0.start_s": 1.99, "gaps.total_s": 0.1}),
-    Injection("the clock starts again early on, and again", "brief",
-              stamps(lambda t: np.r_[1e3 + t[:30], 0.0123 + t[:235], 0.0123 + t[:235]]),
-              ("the stamps start again 2 times", "2 gaps, 0.2 s together"),
-              figures={"clock.resets": 2}),
     Injection("a clock that rolls over, starts again, strays and lacks stamps", "brief",
               after(counter(2**32, 1e-6, 100),
                     stamps(lambda t: np.r_[t[:330], t[330:] - t[330] + 77]),
@@ -62,11 +57,14 @@ CLOCKS = [
     Injection("stamps far ahead", "brief", at([0, 70], "t", 1e9),
               ("2 stamps lie ahead of rows that follow in their place", "1 gap"),
               drops=(0, 70), figures={"non_finite": 2, "clock.strays": 2}),
+    Injection("late stamps at both ends of the log", "brief",
+              after(*[later((row, -1.005), (row + 1, 1.005)) for row in (1, 499)]), None,
+              drops=(1, 499), rebuilt_within=1e-12, figures={"out_of_order": 2}),
     *[Injection(f"a stamp of {value} in row {row} stands for none", "brief",
                 after(scaled("t", 1e9), lambda log: log.astype({"t": "int64"}),
                       at([row], "t", value)), None, drops=(row,), rebuilt_within=2e-9,
                 declared=NS, figures={"non_finite": 1, "gaps.count": row > 0})
-      for value in (-(2**63), 2**63 - 1) for row in (0, 250)],
+      for value, row in ((-(2**63), 0), (2**63 - 1, 250))],
     Injection("a stamp repeated, one late, one missing", "brief", at([10, 20, 30], "t",
               [0.09, 0.15, np.nan]), None, drops=(10, 20, 30), rebuilt_within=1e-12,
               figures={"duplicates": 1, "out_of_order": 1, "non_finite": 1}),
@@ -82,7 +80,6 @@ CLOCKS = [
               stamps(lambda t: t + np.tile([0, 1e-3], len(t) // 2)), None,
               figures={"clock.drift_ppm": None,
                        "clock.jitter_ppm": lambda ppm: abs(ppm - 1e5) < 1e3}),
-    Injection("a counter of days", "brief", stamps(lambda t: t + 400 * 86400)),
     *[Injection(f"{rows} rows that are held back at random", partial(brief, rows), held_back(),
                 None, rejected, figures=NOT_REBUILT | {"misdeclared": rejected, where: lambda lines:
                 "lie on no line" in str(lines) and "columns.time: null, and about" in str(lines)})
@@ -92,14 +89,10 @@ CLOCKS = [
               after(in_bursts(), at([7, 300], "ax", np.nan)), (BURSTS, "2 gaps"), drops=(7, 300),
               rebuilt_within=5e-3, figures=REBUILT | {"gaps.count": 2, "jitter.max_s":
               lambda s: s < 1e-8, "clock.logged.gaps.count": 100}),
-    Injection("bursts of a log that does not end with one", "brief",
-              after(lambda _: brief(13_374), in_bursts(spacing=2e-5)), ("in bursts",),
-              declared={"rate": 100}, rebuilt_within=5e-3,
-              figures=REBUILT | {"rate_hz": lambda hz: abs(hz - 100) < 1e-3}),
-    Injection("bursts of a sensor that pauses", "brief", after(in_bursts(), later((250, 3))), None,
-              figures=NOT_REBUILT | {"clock.logged": None}),
-    Injection("bursts of a sensor that is declared to pause", "brief", in_bursts(), None,
-              declared={"rate": 500}, figures=NOT_REBUILT),
+    *[Injection(f"bursts of a sensor that {how}", "brief", harm, None, declared=declared,
+                figures=NOT_REBUILT | {"clock.logged": None})
+      for how, harm, declared in (("pauses", after(in_bursts(), later((250, 3))), {}),
+                                  ("is declared to pause", in_bursts(), {"rate": 500}))],
     # of the widest a few run far ahead and are missing
     *[Injection(f"stamps that scatter by {std} s", "swaying", scattered(std), (SCATTER, *more),
                 drops=drops, rebuilt_within=None if more else 9e-4,
@@ -117,13 +110,12 @@ CLOCKS = [
                 figures={"rate_hz": lambda hz, rate=rate: abs(hz / rate - 1) < 1e-4,
                          "gaps.count": 0, "clock.jitter_ppm": lambda ppm: ppm < 1})
       for rate, grid in ((90.0, 0.01), (62.5, 0.01), (26.0, 0.02))],
-    *[Injection(f"samples lost, {name}", "poses", harm, None, drops=None, figures=NOT_REBUILT |
-                {"rate_hz": lambda hz: abs(hz - 100) < 1e-3})
-      for name, harm in (("each tenth", lambda log: log[log.index % 10 > 0]),
-                         ("a fifth at random", lost(0.2)))],
     # in moves too; that must not hide the scale that turns show
-    Injection("one sample in thirty lost", "poses", lost(0.03), ("gaps",),
-              figures={"faults.rests.turn_ratio.moves": lambda moves: moves >= 7}),
+    *[Injection(f"samples lost, {name}", "poses", harm, None, drops=None, figures=NOT_REBUILT |
+                {"rate_hz": lambda hz: abs(hz - 100) < 1e-3,
+                 "faults.rests.turn_ratio.moves": lambda moves: moves >= 7})
+      for name, harm in (("each tenth", lambda log: log[log.index % 10 > 0]),
+                         ("one in thirty", lost(0.03)), ("a fifth at random", lost(0.2)))],
     *[Injection(f"packets of {size}, a share of {share} with the stamp of their {end} row, "
                 f"rate {rate}", "poses", in_packets(size, share, jitter, end == "last"), (PACKETS,),
                 rebuilt_within=0.1, declared={"rate": rate} if rate else {},
@@ -136,13 +128,7 @@ CLOCKS = [
                 written_twice(first, each), ("rows identical to the one before",),
                 figures={"duplicates": 0, "identical": lambda n: n > 1000, "gaps.count": 0})
       for first, each in ((0, 3), (1, 2))],
-    Injection("a repeated stamp with other values", "poses", at([500, 501], "t", 4.99), None,
-              drops=(500, 501), figures={"identical": 0, "duplicates": 2}),
     *[Injection(f"parts of a second without leading zeros, {rate} Hz", "poses",
-                unpadded(rate, first, digits), (said,), rejected=True)
-      for rate, first, digits, said in [
-        (40.0, 0.007, 9, "parts of a second were joined without leading zeros"),
-        (125.0, 0.0004, 9, "parts of a second were joined without leading zeros"),
-        (100.0, 0.0, 3, "without leading zeros (3 ms as .3)"),
-        (100.0, 0.005, 3, "without leading zeros (3 ms as .3)")]],
+                unpadded(rate, first, digits), ("without leading zeros (3 ms as .3)",), True)
+      for rate, first, digits in [(40.0, 0.007, 9), (125.0, 0.0004, 9), (100.0, 0.0, 3)]],
 ]  # fmt: skip

@@ -27,22 +27,12 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
     source = {"log": {"url": "https://example.org/log.csv", "sha256": "ab"}}
     done = run(path, sources=source)
     units = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s"}
+    raw = {q: {"name": units[q], "scale": 1.0, "offset": 0.0} for q in [*units][1:]}
     assert done.metadata == {
-        "device": "imu",
-        "session": "poses",
-        "kind": "multi_position",
-        "log_format": "csv",
-        "source": source,
+        **{"device": "imu", "session": "poses", "kind": "multi_position", "log_format": "csv"},
+        **{"source": source, "units": units, "raw_units": raw, "declared": {}, "sensor_ids": {}},
+        **{"simulated": False, "start": None},
         "sha256": {"log.csv": hashlib.sha256(path.read_bytes()).hexdigest()},
-        "units": units,
-        "raw_units": {
-            quantity: {"name": units[quantity], "scale": 1.0, "offset": 0.0}
-            for quantity in ("acceleration", "angular_rate")
-        },
-        "declared": {},
-        "sensor_ids": {},
-        "simulated": False,
-        "start": None,
     }
     assert done.metadata.items() <= done.quality.items()
     assert pq.read_schema(done.path).equals(schema(False))

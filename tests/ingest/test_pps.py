@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from imuloop.core.errors import ImuloopError
+from ingest.injection import check_figures
 from ingest.logs import brief
 
 # two swings of the temperature
@@ -26,11 +27,11 @@ def made(shift=0):
     return brief(ROWS).assign(t=(local(TRUE) + shift) % 2**32), pd.DataFrame(marks)
 
 
-def last_mark(log, marks):
+def inside(log, marks):
     """Return the log with the last mark in each row, zeros before the first."""
     row = np.searchsorted(marks.gnss - START, TRUE, side="right") - 1
     latched = marks.to_numpy()[np.maximum(row, 0)] * (row >= 0)[:, None]
-    return log.assign(pps_us=latched[:, 0], gnss_s=latched[:, 1])
+    return log.assign(pps_us=latched[:, 0], gnss_s=latched[:, 1]), None
 
 
 @pytest.fixture
@@ -38,82 +39,80 @@ def by_marks(run, tmp_path):
     """Ingest a log and marks in a file, or in the log where `marks` is None."""
 
     def call(log, marks=None, **declared):
-        log.to_parquet(tmp_path / "log.parquet", index=False)
+        paths = [tmp_path / "log.parquet", tmp_path / "marks.csv"]
+        log.to_parquet(paths[0], index=False)
         given = {"units": {"time": "us"}, "pps": {"counter": "pps_us", "time": "gnss_s"}}
-        paths = [tmp_path / "log.parquet"]
         if marks is not None:
-            marks.to_csv(tmp_path / "marks.csv", index=False)
-            paths.append(tmp_path / "marks.csv")
+            marks.to_csv(paths[1], index=False)
             given["sources"] = {"log": {"path": "log"}, "pps": {"path": "marks.csv"}}
             given["pps"] = {}
-        return run(*paths, **{**given, **declared})
+        return run(*paths[: 1 + (marks is not None)], **{**given, **declared})
 
     return call
 
 
-def by_formula(counters, marks):
-    c, t = marks.to_numpy(float).T
-    k = np.clip(np.searchsorted(c, counters, side="right") - 1, 0, len(c) - 2)
-    b = (t[k + 1] - t[k]) - (c[k + 1] - c[k]) * 1e-6
-    return t[k] + (counters - c[k]) * 1e-6 + b * (counters - c[k]) / (c[k + 1] - c[k])
+def lossy(log, marks):
+    return log, marks.drop([*range(50, 60), 100])
 
 
-def test_the_true_time_comes_back_by_the_formula(by_marks):
-    log, marks = made()
-    done = by_marks(log, marks)
-    # counters are whole us; within 1 s temperature bends the clock by some 0.02 us
-    np.testing.assert_allclose(done.samples.t, TRUE - TRUE[0], rtol=0, atol=2.2e-6)
-    # numbers of six digits before the point keep ten behind it
-    expected = by_formula(log.t.to_numpy(), marks)
-    np.testing.assert_allclose(done.samples.t, expected - expected[0], rtol=0, atol=2e-10)
-    figures = done.quality["clock"]["pps"]
-    assert (figures["marks"], figures["rejected"], figures["missed"]) == (MARKS, 0, 0)
-    assert figures["drift_ppm"] == pytest.approx(37, abs=0.3)
-    assert figures["drift_range_ppm"] == pytest.approx([35, 39], abs=1.2)
-    assert (figures["before"], figures["after"]) == (100, 100)
-    assert done.quality["rate_hz"] == pytest.approx(100, rel=1e-8)
-    assert done.metadata["units"]["time"] == "us, by 1PPS"
-    assert done.metadata["start"] is None and {*done.metadata["source"]} == {"log", "pps"}
-    assert done.quality["warnings"][0].startswith(f"t is GNSS time through {MARKS} 1PPS marks")
-    # marks in the log are the same; its rows of zeros at the start are no mark
-    inside = by_marks(last_mark(log, marks))
-    np.testing.assert_array_equal(inside.samples.t, done.samples.t)
-    assert inside.quality["clock"]["pps"]["rejected"] == 1
-    assert inside.quality["columns"]["pps"] == ["pps_us", "gnss_s"]
-
-
-def test_marks_that_are_missing_jitter_or_are_none_are_counted(by_marks):
-    log, marks = made()
-    done = by_marks(log, marks.drop([*range(50, 60), 100]))
-    figures = done.quality["clock"]["pps"]
-    assert (figures["missed"], figures["longest_step_s"]) == (11, 11)
-    # over 11 s temperature bends the clock by up to 2e-6 * 2 pi / 90 * 11^2 / 8 = 2.1 us
-    np.testing.assert_allclose(done.samples.t, TRUE - TRUE[0], rtol=0, atol=4.5e-6)
-    assert "11 marks missed, the longest way 11 s" in done.quality["warnings"][0]
+def jittery(log, marks):
+    """Marks that jitter, some of them wrong, and two that are no whole second."""
+    marks = lossy(log, marks)[1].astype(float)
     marks["counter"] += np.random.default_rng(4).integers(0, 20, len(marks))
-    wrong = {20: 700, 21: -900, 60: 40_000, 75: 600, 76: 2_000, 77: -800, 110: 300_000}
+    wrong = {20: 700, 21: -900, 62: 40_000, 75: 600, 76: 2_000, 77: -800, 110: 300_000}
     marks.loc[[*wrong], "counter"] += [*wrong.values()]
-    marks["gnss"] = marks.gnss.astype(float)
     marks.loc[[40, 95], "gnss"] += [0.25, -0.5]
-    done = by_marks(log, marks)
-    figures = done.quality["clock"]["pps"]
-    assert (figures["rejected"], figures["missed"]) == (9, 9)
-    error = done.samples.t - (TRUE - TRUE[0])
-    assert np.ptp(error) < 60e-6
-    assert np.median(np.abs(error - np.median(error))) < 10e-6
+    return log, marks
 
 
-@pytest.mark.parametrize("inside", [False, True])
+def near(value, within):
+    return lambda found: np.allclose(found, value, 0, within)
+
+
+FIGURES = {
+    "marks": MARKS, "rejected": 0, "missed": 0, "drift_ppm": near(37, 0.3),
+    "drift_range_ppm": near([35, 39], 1.2), "before": 100, "after": 100,
+}  # fmt: skip
+
+
+# how marks are given; how near the time comes, s: counters are whole us, and within 1 s temperature
+# bends the clock by 0.02 us, over 11 s by 2e-6 * 2 pi / 90 * 11^2 / 8 = 2.1 us
+@pytest.mark.parametrize(
+    ("change", "within", "figures"),
+    [(lambda *made: made, 2.2e-6, FIGURES),
+     # zeros at the start are no mark
+     (inside, 2.2e-6, FIGURES | {"rejected": 1}),
+     (lossy, 4.5e-6, {"missed": 11, "longest_step_s": 11}),
+     (jittery, 6e-5, {"rejected": 9, "missed": 20})],
+)  # fmt: skip
+def test_the_true_time_comes_back(by_marks, change, within, figures):
+    log, marks = made()
+    done = by_marks(*change(log, marks))
+    np.testing.assert_allclose(done.samples.t, TRUE - TRUE[0], rtol=0, atol=within)
+    check_figures(done.quality["clock"]["pps"], figures)
+    assert done.quality["rate_hz"] == pytest.approx(100, rel=1e-7)
+    assert (done.metadata["units"]["time"], done.metadata["start"]) == ("us, by 1PPS", None)
+    assert done.quality["warnings"][0].startswith("t is GNSS time through ")
+    if figures is FIGURES:
+        c, t = marks.to_numpy(float).T
+        k = np.clip(np.searchsorted(c, log.t, side="right") - 1, 0, len(c) - 2)
+        away, step = log.t - c[k], c[k + 1] - c[k]
+        error = (t[k + 1] - t[k]) - step * 1e-6
+        expected = t[k] + away * 1e-6 + error * away / step
+        # numbers of six digits before the point keep ten behind it
+        np.testing.assert_allclose(done.samples.t, expected - expected[0], rtol=0, atol=2e-10)
+
+
+@pytest.mark.parametrize("in_log", [False, True])
 @pytest.mark.parametrize("offset", [100, 5, -3])
-def test_a_counter_of_marks_that_rolls_over_goes_on(by_marks, offset, inside):
+def test_a_counter_of_marks_that_rolls_over_goes_on(by_marks, offset, in_log):
     # rolls over so many seconds after the log begins
     log, marks = made(2**32 - local(TRUE[0]) - offset * 10**6)
     # marks in a file begin before the log does
     before = np.arange(8, 0, -1)
     counter = (marks.counter[0] - 10**6 * before) % 2**32
     early = pd.DataFrame({"counter": counter, "gnss": marks.gnss[0] - before})
-    given = [last_mark(log, marks)] if inside else [log, pd.concat([early, marks])]
-    done = by_marks(*given)
+    done = by_marks(*(inside(log, marks) if in_log else (log, pd.concat([early, marks]))))
     np.testing.assert_allclose(done.samples.t[200:], (TRUE - TRUE[0])[200:], rtol=0, atol=1e-4)
     assert done.quality["clock"]["pps"]["missed"] == 0
     assert done.quality["clock"]["rollovers"] == (offset > 0)
@@ -122,47 +121,36 @@ def test_a_counter_of_marks_that_rolls_over_goes_on(by_marks, offset, inside):
 def test_marks_may_be_of_a_week_that_ends_or_dates(by_marks):
     log, marks = made()
     straight = by_marks(log, marks).samples.t
-    week = marks.assign(gnss=(marks.gnss - START + 604_720) % 604_800)
-    np.testing.assert_array_equal(by_marks(log, week).samples.t, straight)
     dates = pd.Timestamp("2024-02-29T23:59:00Z") + pd.to_timedelta(SECONDS, "s")
-    marks = marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ"))
-    np.testing.assert_array_equal(by_marks(log, marks).samples.t, straight)
-    for begin, rows in (("2024-02-29T23:59:00", ROWS), ("2024-03-01T00:00:00", ROWS - 6000)):
-        done = by_marks(log, marks, time_range=[f"{begin}Z", None])
-        away = pd.Timestamp(done.metadata["start"]) - pd.Timestamp(f"{begin}.0035Z")
-        assert len(done.samples) == rows and abs(away) < pd.Timedelta("2us")
+    dated = marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    for other in (marks.assign(gnss=(marks.gnss - START + 604_720) % 604_800), dated):
+        np.testing.assert_array_equal(by_marks(log, other).samples.t, straight)
+    done = by_marks(log, dated, time_range=["2024-03-01T00:00:00Z", None])
+    away = pd.Timestamp(done.metadata["start"]) - pd.Timestamp("2024-03-01T00:00:00.0035Z")
+    assert len(done.samples) == ROWS - 6000 and abs(away) < pd.Timedelta("2us")
 
 
 @pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda t, m: (t, m.assign(gnss=m.gnss * 1e-3)), "no two fit together"),
-        (lambda t, m: (t, m.assign(counter=m.counter * 10)), "no two fit together"),
-        (lambda t, m: (t, m.assign(counter=m.counter + 10**12)), "share no time"),
-        (lambda t, m: (t, m[:1]), "of 1 marks no two fit together"),
-        (lambda t, m: (t, m[:0]), "no"),
-        (lambda t, m: (last_mark(t, m).assign(pps_us=np.nan),), "the log holds no marks"),
-        (lambda t, m: (t.assign(t=np.r_[t.t[:8000] + 10**9, t.t[8000:] - 8 * 10**7]), m),
-         "the local counter starts again"),
-    ],
+    ("change", "line", "declared"),
+    [(lambda t, m: (t, m.assign(gnss=m.gnss * 1e-3)), "no two fit together", None),
+     (lambda t, m: (t, m.assign(counter=m.counter * 10)), "no two fit together", None),
+     (lambda t, m: (t, m.assign(counter=m.counter + 10**12)), "share no time", None),
+     (lambda t, m: (t, m[:1]), "of 1 marks no two fit together", None),
+     (lambda t, m: (inside(t, m)[0].assign(pps_us=np.nan),), "the log holds no marks", None),
+     (lambda t, m: (t.assign(t=np.r_[t.t[:8000] + 10**9, t.t[8000:] - 8 * 10**7]), m),
+      "the local counter starts again", None),
+     (lambda t, m: (t.assign(pps_us=0),), r"pps\.time: no column 'gnss_s'; there are t, ax", {}),
+     (lambda t, m: (t, m), r"pps\.counter: no column 'c'; there are counter, gnss",
+      {"pps": {"counter": "c"}}),
+     (lambda t, m: (t.drop(columns="t"), m), "pps: the log has no time column", {"rate": 100}),
+     (lambda t, m: (t.assign(t=pd.Timestamp("2024-02-29") + pd.to_timedelta(t.t, "us")), m),
+      "stamps are dates, not a local counter", {})],
 )  # fmt: skip
-def test_marks_that_do_not_fit_reject_the_log(by_marks, change, reason):
-    found = by_marks(*change(*made())).quality
-    assert found["status"] == "rejected" and reason in found["reasons"][0]
-
-
-@pytest.mark.parametrize(
-    ("change", "inside", "declared", "line"),
-    [
-        (lambda t: t.assign(pps_us=0), True, {}, r"pps\.time: no column 'gnss_s'; there are t, ax"),
-        (lambda t: t, False, {"pps": {"counter": "c"}},
-         r"pps\.counter: no column 'c'; there are counter, gnss"),
-        (lambda t: t.drop(columns="t"), False, {"rate": 100}, "pps: the log has no time column"),
-        (lambda t: t.assign(t=pd.Timestamp("2024-02-29") + pd.to_timedelta(t.t, "us")), False, {},
-         "stamps are dates, not a local counter"),
-    ],
-)  # fmt: skip
-def test_marks_that_are_declared_wrongly_are_one_line(by_marks, change, inside, declared, line):
-    log, marks = made()
-    with pytest.raises(ImuloopError, match=line):
-        by_marks(change(log), None if inside else marks, **declared)
+def test_marks_that_do_not_fit_are_one_line(by_marks, change, line, declared):
+    """What is `declared` wrongly is an error; else the log is rejected."""
+    if declared is None:
+        found = by_marks(*change(*made())).quality
+        assert found["status"] == "rejected" and line in found["reasons"][0]
+    else:
+        with pytest.raises(ImuloopError, match=line):
+            by_marks(*change(*made()), **declared)

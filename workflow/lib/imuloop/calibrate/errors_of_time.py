@@ -18,7 +18,7 @@ import numpy as np
 from imuloop.calibrate.undersampling import PARTS, outer_products, sum_parts
 from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
-from imuloop.ingest.jitter import JitterTest, bend
+from imuloop.ingest.jitter import bend, jitter_sign
 
 # fewest windows of a rotation that determine the error of a gap
 FEWEST = 10
@@ -83,9 +83,7 @@ def _estimate_jitter(t, w, usual):
     std = np.median(np.abs(bend(t))) / 0.6745 / np.sqrt(1.5) if len(t) > 2 else 0.0
     if std < LEAST_JITTER * usual:
         return 0.0
-    test = JitterTest(usual)
-    test.add(t, w.T)
-    return 0.0 if test.followed else std
+    return 0.0 if jitter_sign(t, w.T, usual) == 1 else std
 
 
 def gap_covariance(w, lost, usual):

@@ -11,7 +11,7 @@ from imuloop.core.samples import ORIENTATION, POSITION
 
 # s; up to here lost samples are bridged by a cubic
 BRIDGED = 0.05
-# s over which turns are compared
+# s over which turns are compared; offset of two clocks up to which they count as one
 COMPARED = 0.1
 
 

@@ -10,17 +10,18 @@ import numpy as np
 from imuloop.core.gaps import gap_limit
 from imuloop.ingest.stamps import MOST
 
-# rows before and after a fall of the stamps that show what it is
+# number of rows before and after a fall of the stamps that tell its cause
 AHEAD = 100
-# a counter's last stamp and its first after the roll-over lie at most so many steps apart; stamps
-# that fall by fewer steps are late; after a clock that starts again, t goes on so many steps later
+# largest number of steps from a counter's last stamp to the first after its roll-over; stamps that
+# fall by fewer steps are late; after a clock that starts again, t goes on this number of steps
+# later
 FEW_STEPS = 10
-# of the steps after a clock starts again, at least this share goes forward
+# share of the steps after a clock starts again that go forward
 _FORWARD = 0.9
 # a clock that falls more often is left as it is, so that no log takes hours
 MOST_FALLS = 10_000
-# a part of a second without its leading zeros makes stamps fall within a second, from 0.9 and more
-# to 0.1, as 100 ms do; so often and in this share of all falls, it is no accident
+# parts of a second without leading zeros make stamps fall from 0.9 s to 0.1 s, as 100 ms are
+# written; no accident is so frequent, and such a share of all falls
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
 # spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
 SPANS = sorted(
@@ -62,29 +63,34 @@ class Clock:
     strays: int = 0
     unpadded: int = 0
 
+    # stamps of a broken log can be of any size
+    @np.errstate(over="ignore", invalid="ignore")
     def mended(self, x, readable, tick=None):
-        """Return stamps as of a clock that never falls, and which of them can be used.
+        """Return stamps of a clock that never falls, (n,), and a mask of those that can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
-        `x` and `readable`, (n,), are stamps as logged, and which of them are readable; `tick` are
+        `x` and `readable`, (n,), are stamps as logged, and which of them are readable; `tick` is
         nanoseconds per unit, None for dates, which do not roll over.
         """
-        rows, values = np.flatnonzero(readable), x[readable]
-        falls = np.flatnonzero(np.diff(values) < 0)
+        values = x if readable.all() else x[readable]
+        falls = np.flatnonzero(values[1:] < values[:-1])
+        if not len(falls):
+            return x, readable
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
             self.unpadded = _count_unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
-        added, usable = np.zeros_like(x), readable.copy()
-        # the newest stamp and the rows since the clock was mended, and what was added by then
+        rows, added, usable = np.flatnonzero(readable), np.zeros_like(x), readable.copy()
+        # the newest stamp since row `begin`, where the clock was mended last, and the sum of shifts
         newest, begin, shift = -np.inf, 0, 0
         # the row before a fall may stray, the one after it may be late or of a clock that fell
         for i in np.union1d(falls, falls + 1)[:MOST_FALLS]:
             if begin < i:
                 newest = max(newest, values[begin:i].max().item())
             begin, ahead = i, values[i : i + AHEAD]
-            if _is_stray(ahead, newest):
-                usable[rows[i]] = False
+            back = (newest < ahead[1:]) & (ahead[1:] <= ahead[0])
+            if np.count_nonzero(back) >= 2 and back[0] and ahead[1] < ahead[0]:
+                # the rows after this one go on as if it were not there
+                usable[rows[i]], begin = False, i + 1
                 self.strays += 1
-                begin = i + 1
             elif newest > ahead[0]:
                 more = self._fall(values[max(0, i - AHEAD) : i], newest, ahead, tick)
                 # sums of stamps and shifts fit 64 bits
@@ -96,14 +102,13 @@ class Clock:
         """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
         return self.span_s and round(self.span_s * 1e9) // tick
 
-    # stamps of a broken log can be of any size
-    @np.errstate(over="ignore", invalid="ignore")
     def _fall(self, before, last, ahead, tick):
-        """Return what is to be added from a fall of the stamps on; 0 for a late row."""
-        first, steps = ahead[0].item(), np.concatenate((np.diff(before), np.diff(ahead)))
+        """Return the shift of the stamps from a fall on, in their unit; 0 for a late row."""
+        steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
             return 0
-        step, back = np.median(steps[steps > 0]).item(), (ahead > last).argmax()
+        first, step = ahead[0].item(), np.median(steps[steps > 0]).item()
+        back = (ahead > last).argmax()
         leaps = back and ahead[back] - ahead[back - 1] > gap_limit(step)
         if last - first < FEW_STEPS * step or leaps:
             return 0
@@ -118,7 +123,7 @@ class Clock:
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
     def fault(self):
-        """Return what makes the stamps fall where nothing mends them, or None."""
+        """Return the cause of falling stamps that cannot be mended, a line, or a false value."""
         return self.unpadded and (
             f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
             "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
@@ -126,29 +131,21 @@ class Clock:
         )
 
     def warnings(self):
-        """Return what was mended, a line each; nothing of stamps that are no time."""
-        found = {
-            f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}: the "
-            "span is added": self.rollovers,
-            f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual "
-            "steps, a gap whose length is not known": self.resets,
-            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as "
-            "missing": self.strays,
-        }
-        return [line for line, count in found.items() if count and not self.unpadded]
+        """Return a line for each thing that was mended; none if the stamps cannot be mended."""
+        rolls = f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}"
+        resets = f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual"
+        strays = f"{self.strays} stamps lie ahead of rows that follow in their place"
+        lines = [f"{rolls}: the span is added"] * bool(self.rollovers)
+        lines += [f"{resets} steps, a gap whose length is not known"] * bool(self.resets)
+        lines += [f"{strays}: taken as missing"] * bool(self.strays)
+        return [] if self.unpadded else lines
 
 
 def _count_unpadded(last, first, second):
-    """Return how often stamps fall within a `second` as without leading zeros, 0 if by accident."""
+    """Return the number of falls within a `second` by missing leading zeros, 0 if accidental."""
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
     return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
-
-
-def _is_stray(stamps, newest):
-    """Tell whether the rows after the first go on as if it were not there."""
-    back = (newest < stamps[1:]) & (stamps[1:] <= stamps[0])
-    return np.count_nonzero(back) >= 2 and back[0] and stamps[1] < stamps[0]
 
 
 def _times(count):
@@ -156,7 +153,7 @@ def _times(count):
 
 
 def figures(counts, measured, rate=None):
-    """Return what quality.json says of a log's clock, by its `Counts` and quality figures.
+    """Return the entry ``clock`` of quality.json, from the `Counts` and quality figures of a log.
 
     `rate` is the declared one, Hz, of a log with time stamps.
     """

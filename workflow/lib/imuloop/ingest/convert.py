@@ -8,12 +8,13 @@ import numpy as np
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
+from imuloop.core.units import RawUnit
 from imuloop.ingest import increments, misread
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import HELD
+from imuloop.ingest.columns import HELD, STAMP
 from imuloop.ingest.spellings import SENSORS
 
-# what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
+# larger than any value of a sensor, in any unit: counts of 32 bits, taken for SI, end at 4.3e9, the
 # widest accelerometers at 2e6 m/s^2
 BEYOND = 1e10
 
@@ -23,14 +24,14 @@ _of_channels = partial(dict.fromkeys, CHANNELS, 0)
 
 @dataclass
 class Counts:
-    """What became of the rows of a log, each counted once, and why it cannot be used (`reasons`).
+    """Numbers of rows of a log by their fate, and findings on its clock and its values.
 
-    `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `is_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
-    quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
-    without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
-    1970, None without dates, `begin_s` how long it is after the log's first stamp, s, which is
-    `origin` as logged.
+    Each row is counted once. `reasons` are lines on a log that cannot be used. `identical` rows
+    repeat the one before in stamp and all values. `is_gravity` and `in_two_units` are results of
+    `misread`. `increments`, `pps` and `logged` are entries of quality.json on increments, 1PPS
+    marks and rebuilt time stamps, or None; `rebuilt` is the line on the last. `start_ns` is the
+    moment of the first sample, ns since 1970, None if stamps are not dates. It lies `begin_s` s
+    after the log's first stamp, `origin` as logged.
     """
 
     reasons: list = field(default_factory=list)
@@ -68,83 +69,78 @@ def no_samples(log):
 
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def si_samples(rows, timing, log, units, raw_units):
-    """Return the columns of the samples of a log, `t` strictly increasing from 0, and the `Counts`.
+def si_samples(rows, raw_units):
+    """Return the columns of the samples of `Rows`, `t` rising from 0, and the `Counts`.
 
-    Parameters
-    ----------
-    rows, timing, log : Rows, Timing, RawLog
-        Rows of the log, when they were sampled, and the log as it was read.
-    units, raw_units : dict
-        Name of each unit, and `RawUnit` of each sensor, by quantity.
+    `raw_units` are the `RawUnit` of each sensor by quantity.
     """
-    steps, ends_gap = rows.scale, np.zeros(len(rows.x), dtype=bool)
-    summed, first = increments.factors(units), ends_gap
+    log, summed = rows.log, increments.factors(rows.units)
     if log.slower and summed:
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    if timing.even:
-        steps = timing.even.step
-    elif increments.by_stamps(log, units):
-        dt = (timing.x - timing.before) * timing.scale
-        steps, ends_gap = increments.intervals(dt, timing.usual)
-        first = timing.before < timing.origin
-    raw = rows.values | increments.rates(rows, steps, units)
-    values = {name: raw[name] for name in CHANNELS}
-    for quantity in {*SENSORS} & {*log.found}:
-        values |= {name: raw_units[quantity].to_si(raw[name]) for name in SENSORS[quantity]}
+    values, first, wide, usual = increments.rates(rows)
+    values = rows.values | values
+    counts = Counts(
+        read=len(rows.x),
+        missing_values=dict.fromkeys(values, 0),
+        impossible_values=dict.fromkeys(values, 0),
+        time_unit=rows.time_unit,
+        clock=rows.clock,
+        is_gravity=misread.is_gravity(rows.values),
+    )
+    if rows.stamped:
+        counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
+    logged = {*SENSORS} & {*log.found}
+    unit_of = {name: raw_units[q] for q in logged for name in SENSORS[q]}
     if log.temperature:
-        scale, zero = DEGREES[units["temperature"]]
-        values[TEMPERATURE] = (raw[TEMPERATURE] - zero) * scale
-    missing, impossible, bad = {}, {}, ~timing.usable
-    for name, x in values.items():
-        lacks = ~np.isfinite(raw[name])
-        beyond = ~lacks & (np.abs(x) > BEYOND)
-        missing[name] = int(np.count_nonzero(timing.inside & lacks))
-        impossible[name] = int(np.count_nonzero(timing.inside & beyond))
-        if name == TEMPERATURE:
-            values[name] = np.where(lacks | beyond, np.nan, x)
-        else:
-            bad |= lacks | beyond
-    # what becomes of each row, the first that is true
-    masks = {
+        unit_of[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
+    inside, before, bad = rows.inside, rows.before, ~rows.usable
+    for name, raw in values.items():
+        unit = unit_of.get(name)
+        # a channel in SI needs no copy
+        is_si = unit is None or (unit.scale, unit.offset) == (1.0, 0.0)
+        values[name] = x = raw if is_si else unit.to_si(raw)
+        wrong = ~(np.abs(x) <= BEYOND)
+        if wrong.any():
+            lacks = ~np.isfinite(raw)
+            counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
+            counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))
+            if name == TEMPERATURE:
+                values[name] = np.where(wrong, np.nan, x)
+            else:
+                bad |= wrong
+    # the fate of a row is the first that is true; an even clock takes rows as they come
+    fates = {
         "identical": rows.same,
-        "outside": ~timing.inside,
+        "outside": ~inside,
         "non_finite": bad,
-        # a clock that is rebuilt takes the rows as they come
-        "duplicates": (timing.x == timing.before) & (timing.even is None),
-        "out_of_order": (timing.x < timing.before) & (timing.even is None),
+        "duplicates": (rows.x == before) & (not rows.even),
+        "out_of_order": (rows.x < before) & (not rows.even),
         "without_interval": first,
     }
-    fate = np.select([*masks.values()], range(1, 7), 0)
-    keep, numbers = fate == 0, np.bincount(fate, minlength=7)[1:].tolist()
-    counts = Counts(
-        **dict(zip(masks, numbers, strict=True)),
-        by_usual_step=int((keep & ends_gap).sum()),
-        read=len(rows.x),
-        missing_values=missing,
-        impossible_values=impossible,
-        time_unit=timing.time_unit,
-        clock=timing.clock,
-        is_gravity=misread.is_gravity(rows.values),
-        in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else None,
-    )
-    counts.increments = increments.figures(log, units, counts, timing)
+    keep = np.ones(len(rows.x), dtype=bool)
+    for name, mask in fates.items():
+        setattr(counts, name, int(np.count_nonzero(keep & mask)))
+        keep &= ~mask
+    counts.by_usual_step = int(np.count_nonzero(keep & wide))
+    counts.increments = increments.figures(rows, counts, usual)
     if not keep.any():
         return no_samples(log), counts
-    zero, t = timing.x[keep][0].item(), timing.times(keep)
-    counts.origin, counts.begin_s = timing.origin, float((zero - timing.origin) * timing.scale)
-    counts.start_ns = timing.moment(zero)
+    # whole columns need no copy
+    first, keep = keep.argmax(), slice(None) if keep.all() else keep
+    zero, t = rows.x[first].item(), rows.times(keep)
+    counts.origin, counts.start_ns = rows.origin, rows.moment(zero)
+    counts.begin_s = float((zero - rows.origin) * rows.scale)
     samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
-    if timing.even:
-        number = timing.even.number(timing.number[keep])
-        samples |= {TIME: (number - number[0]) * timing.even.step, LOGGED_TIME: t}
-    if timing.timeline:
-        counts.pps = timing.timeline.figures_beside(timing.x[keep])
+    if rows.even:
+        number = rows.even.number(rows.number[keep])
+        samples |= {TIME: (number - number[0]) * rows.even.step, LOGGED_TIME: t}
+    if rows.timeline:
+        counts.pps = rows.timeline.figures_beside(rows.x[keep])
     if log.slower:
-        own = (rows.stamps[HELD][0][keep] - zero) * timing.scale
-        if timing.even:
+        own = (rows.stamps[HELD][0][keep] - zero) * rows.scale
+        if rows.even:
             # rebuilt with the time stamps of the rows
             _, first, which = np.unique(own, return_index=True, return_inverse=True)
             own = samples[TIME][first][which]

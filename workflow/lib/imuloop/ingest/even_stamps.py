@@ -8,45 +8,27 @@ from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from imuloop.core.errors import plural
-from imuloop.ingest.jitter import JitterTest
+from imuloop.ingest.jitter import jitter_sign
 
-# time stamps come in bursts where the median step is less than this share of the sensor's. Rows
-# that share a stamp are a packet where half of such are as far from the next stamp, or the one
-# before, as their number of steps, but for this share of one
-BURST = 0.5
-# no transfer holds samples back longer, s: a longer pause is of the sensor, which then goes on for
-# longer, too
-_LONGEST_PAUSE = 0.5
-# time stamps scatter where nine in ten of them take this share of a step, or more
-_SCATTER = 0.12
-# the median of time stamps that scatter is known to this share of a step, so that one lost sample
-# shows
-_KNOWN = 0.05
-# parts of a log whose time stamps lie on one line
-_PARTS = 20
-# parts on a line, rows of a part, missing samples of a beat and repeated stamps of packets: fewer
-# are an accident
-_LEAST = 10
-# percentiles between which nine in ten values lie
-_NINE_IN_TEN = (5, 95)
-# spectrum of the time stamps: mean steps of a block, and bins of time to a mean step, as many as
-# blocks at most
-_BLOCK, _BINS = 4096, 16
-# a clock's power is above this many times the power of random stamps; frequencies that its peak
-# spans
-_SURE, _PEAK = 20.0, 8
-# most: the power of a clock's images on a grid of stamps, of its own; the stamps that follow one
-# sample after the last, of those that follow later; the transfers of one size, of all
-_MOST = 0.8
-# share of the stamps that follow one sample after the last, at least
-_ONES = 0.3
-# stamps of a running median, and stamps of a running phase
-_SMOOTH, _PHASE = 9, 512
-# lost samples that may be noise
-_FEW = 2
-# a line whose rate differs more from the declared one is not the sensor's
-_RATE_SHARE = 0.02
-# between so many bursts nothing is left, and what follows takes minutes to find that out
+# Time stamps come in bursts if the median step is less than this share of the mean one. Rows that
+# share a time stamp are a packet if as many steps lie before or after it, but for this share of
+# one. A transfer holds samples back for less, in s.
+HALF = 0.5
+# share of a step by which nine in ten stamps scatter, from which on they are made even: less is
+# noise of a host's clock
+SCATTER = 0.12
+# as few are an accident: rows of a part, parts of a log, missing samples, rows with a shared stamp;
+# also the bins of a mean step in the spectrum of the stamps
+ENOUGH = 16
+# mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
+_BLOCK, _PHASE = 4096, 512
+# least power of a clock in that spectrum, in units of the power of random stamps
+_SURE = 20.0
+# share that is nearly all: of the transfers one size, of the highest peak a lower one
+_NEARLY = 0.8
+# share by which rates of one sensor may differ, declared or by its stamps
+RATE_SHARE = 0.02
+# between more bursts no sound stretch is left, and later stages take minutes to find that
 MOST_BURSTS = 1000
 
 
@@ -79,23 +61,23 @@ class Even:
 def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     """Return the `Even` samples of a log whose time stamps are to be rebuilt; None to keep them.
 
-    A host stamps what it receives, with a delay that varies, and receives several samples of a
-    transfer at once. The samples are found in two ways:
+    A host stamps samples when it receives them. Its delay varies, and it may receive several
+    samples at once.
+    Two ways lead to the step of the sensor:
 
-    - by the sensor's clock, where the time stamps still show it (`_number_samples`). This tells
-      lost samples from late ones.
-    - by the line of the time stamps over the row number (`_on_line`). Its slope is the step.
+    - The time stamps may still show the sensor's clock. Then lost samples differ from late ones.
+    - The time stamps may lie on a line over the row number. Then its slope is the step.
 
-    Time stamps of single rows stay as they are where they scatter by less than `_SCATTER`, where
-    the angular rate goes with them, and where rows hold increments, whose intervals may differ.
-    They stay too where the sensor pauses.
+    Time stamps of single rows stay as they are if they scatter by less than `SCATTER`, if the
+    angular rate shows that samples were taken at them, or if rows hold increments, whose intervals
+    may differ.
 
     Parameters
     ----------
     rows, t : array, shape (n,)
         Number and time, s, of each row.
     turn_rate : array, shape (3, n)
-        Angular rate, of any unit.
+        Angular rate, in any unit.
     packets : tuple, optional
         Result of `packet_step`.
     rate : float, optional
@@ -103,74 +85,73 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < _LEAST * _PARTS:
+    if len(t) < 12 * ENOUGH:
+        return None
+    mean = (t[-1] - t[0]) / (rows[-1] - rows[0])
+    if np.ptp(t - mean * rows) < SCATTER / 2 * mean and not packets:
+        # evenly spaced as they are; this spares long logs the line
         return None
     step, away = _line(rows, t)
-    if not np.isfinite(1 / step):
-        return None
-    # not of the mean step, which a single pause can make long
-    bursts, scatter = np.median(np.diff(t)) < BURST * step, _spread(away, _PARTS)
+    scatter, bursts = _width(away), np.median(np.diff(t)) < HALF * step
     single = not (packets or bursts)
-    if single and (increments or scatter < _SCATTER * step):
+    too_even = single and (increments or scatter < SCATTER * step)
+    if too_even or not np.isfinite(1 / step):
         return None
-    on_line = _on_line(away, scatter, step, packets, bursts)
+    medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
+    limit = step / 2 if single else max(scatter, step / 2)
+    on_line = np.ptp(medians) <= limit and scatter <= HALF
     even, clean = Even(step) if on_line else None, False
     if numbers := _number_samples(rows, t, packets):
         first, lost, number, own_t, width = numbers
         losses = np.flatnonzero(np.diff(lost)) + 1
         own_step, _ = _line(number, own_t)
         beat = _is_beat(number[losses])
-        clean = single and width < _SCATTER and not beat
-        if on_line and (beat or lost[-1] <= _FEW):
+        clean = single and width < SCATTER and not beat
+        # one or two may be noise
+        if on_line and (beat or lost[-1] <= 2):
             losses = losses[:0]
         if not (beat or clean or losses.size):
             even = Even(step if on_line else own_step, complete=True)
-        elif losses.size and not clean and np.diff(lost).max() * own_step < _LONGEST_PAUSE:
+        elif losses.size and not clean and np.diff(lost).max() * own_step < HALF:
             even = Even(own_step, first[losses], lost[losses])
-    if not even or (rate and abs(even.step * rate - 1) > _RATE_SHARE):
+    if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
     if packets:
         return even
-    test = JitterTest(even.step, scatter)
-    test.add(t, turn_rate)
+    sign = jitter_sign(t, turn_rate, even.step, scatter)
     if clean:
-        # a slower sensor on this grid of stamps has the same stamps: the gyroscope knows
-        return replace(even, complete=True) if test.even else None
-    return None if test.followed else even
+        # the stamps of a slower sensor can lie on the same grid: the angular rate tells
+        return replace(even, complete=True) if sign == -1 else None
+    return None if sign == 1 else even
 
 
-def _spread(x, parts=1):
-    """Return the width of the range that holds nine in ten values, the median of some parts."""
-    ends = [np.percentile(part, _NINE_IN_TEN) for part in np.array_split(x, parts)]
+def _width(x):
+    """Return the width of the range that holds nine in ten values, the median of 16 parts."""
+    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, ENOUGH)]
     return np.median(np.ptp(ends, axis=1))
 
 
-def _on_line(away, scatter, step, packets, bursts):
-    """Tell whether times lie on a line over the row number, so that no sample is lost.
+def _line(rows, t):
+    """Return the slope of time over row number, and how far each time is from that line.
 
-    The medians of parts of the log have to lie within the scatter of one part, those of single rows
-    within half a step. Then a part is so long that its median is known to `_KNOWN` of a step.
+    The slope is first the median of pairs half a log apart (Theil). As stamps of transfers lie on
+    a few parallel lines, three rounds of least squares follow, with outliers clipped.
     """
-    limit, parts = max(scatter, step / 2) if packets else scatter, _PARTS
-    if not (packets or bursts):
-        # the error of a median of n normal values is 1.25 of their deviation over the root of n
-        needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        if not _LEAST * needed < len(away):
-            return False
-        limit, parts = step / 2, int(len(away) / max(needed, _LEAST))
-    medians = [np.median(part) for part in np.array_split(away, parts)]
-    return np.ptp(medians) <= limit and scatter <= _LONGEST_PAUSE
+    rows, half = rows - rows[0], len(rows) // 2
+    step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    middle = rows - rows.mean()
+    for _ in range(3):
+        away = t - step * rows
+        near = np.clip(away, *np.percentile(away, (5, 95)))
+        step += (middle @ near / (middle @ middle)).item()
+    return step, t - step * rows
 
 
 def _number_samples(rows, t, packets):
-    """Return the number of each sample by the sensor's clock; None where stamps show no clock.
+    """Return the number of each sample by the sensor's clock; None if the stamps show no clock.
 
-    Parameters
-    ----------
-    rows, t : array
-        Number and time, s, of each row; of a packet its first row.
-    packets : tuple or None
-        Result of `packet_step`.
+    `rows` and `t` are number and time, s, of each row, of a packet its first row. `packets` is the
+    result of `packet_step`.
 
     Returns
     -------
@@ -182,27 +163,40 @@ def _number_samples(rows, t, packets):
     clock = _clock(t)
     if not clock:
         return None
-    # the row that the stamp is for
     stamped = rows - rows[0]
     if size == 1 and packets and packets[1]:
-        stamped = stamped + np.diff(rows, append=rows[-1] + 1) - 1
-        stamped = stamped - stamped[0]
+        # the time stamp belongs to the last row of a packet
+        stamped = np.append(rows[1:], rows[-1] + 1) - rows[1]
     place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
-    if size * (index[-1] - index[0]) < (1 - _RATE_SHARE) * stamped[-1]:
+    if size * (index[-1] - index[0]) < (1 - RATE_SHARE) * stamped[-1]:
         # a clock of the transfers, not of the sensor
         return None
-    width = _spread(place - index)
+    width = _width(place - index)
     lost = size * (index - index[0]) - stamped
-    lost = median_filter(lost, _SMOOTH if width >= _SCATTER else 3)
+    # where stamps scatter, some samples are numbered one too high or low
+    lost = median_filter(lost, 9 if width >= SCATTER else 3)
     # after late samples others are in time again; after lost ones they are not
     lost = np.minimum.accumulate(lost[::-1])[::-1]
     lost = lost - lost[0]
     return rows, lost, stamped + lost, t, size * width
 
 
+def _transfers(rows, t):
+    """Return size, first rows and times of transfers; of single rows if their sizes differ."""
+    apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
+    # packets with a shared time stamp, else bursts
+    for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(apart))):
+        size = np.diff(rows[starts])
+        usual = int(np.median(size)) if len(size) >= ENOUGH else 1
+        if usual > 1 and np.mean(size == usual) >= _NEARLY:
+            # the first and the last one may be incomplete
+            return usual, rows[starts][1:-1], t[starts][1:-1]
+    return 1, rows, t
+
+
 def _clock(t):
-    r"""Return the frequency of the clock that time stamps show, Hz; None where they show none.
+    r"""Return the frequency of the clock that time stamps show, Hz; None if they show none.
 
     It is a peak of the spectrum of the stamps
 
@@ -213,21 +207,22 @@ def _clock(t):
     """
     mean = (len(t) - 1) / (t[-1] - t[0])
     x = (t - t[0]) * mean
-    pulses = np.bincount((x * _BINS + 0.5).astype(int))
-    size = min(len(pulses), _BLOCK * _BINS)
+    pulses = np.bincount((x * ENOUGH + 0.5).astype(int))
+    size = min(len(pulses), _BLOCK * ENOUGH)
     blocks = pulses[: len(pulses) // size * size].reshape(-1, size)
     length = next_fast_len(4 * size, real=True)
-    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // _BINS + 1], length)) ** 2
-    f, power = np.fft.rfftfreq(length, 1 / _BINS), power.mean(axis=0) * (_BINS / size) ** 2
-    f, power = (each[(f > 1 - _BINS / size) & (f <= 2)] for each in (f, power))
-    # on a grid of stamps the clock has images at higher frequencies
-    low = np.flatnonzero(power > _MOST * power.max())[0]
-    peak = f[low + power[low : low + _PEAK].argmax()]
+    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // ENOUGH + 1], length)) ** 2
+    # in units of the power of random stamps
+    f, power = np.fft.rfftfreq(length, 1 / ENOUGH), power.mean(axis=0) * ENOUGH / size
+    f, power = (each[(f > 1 - ENOUGH / size) & (f <= 2)] for each in (f, power))
+    # on a grid of stamps the clock has images at higher frequencies; a peak spans four
+    low = np.flatnonzero(power > _NEARLY * power.max())[0]
+    peak = f[low + power[low : low + ENOUGH // 2].argmax()]
     for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) * size / _BINS > _SURE and ones > max(_ONES, _MOST * more):
+        if np.interp(clock, f, power) > _SURE and ones > max(0.3, _NEARLY * more):
             return clock * mean
     return None
 
@@ -239,135 +234,96 @@ def _phase(x):
 
 
 def _is_beat(at):
-    """Tell whether samples are missing because a host polls a sensor slower than its polls.
+    """Tell whether samples, numbered `at`, are missing because a host polls faster than a sensor.
 
     They are then evenly spaced by the beat of the two clocks, which is not a whole number.
     """
-    if len(at) < _LEAST:
+    if len(at) < ENOUGH:
         return False
-    apart, start = np.polyfit(np.arange(len(at)), at, 1)
-    whole = abs(apart - round(apart)) * len(at) < _FEW
-    return not whole and _spread(at - apart * np.arange(len(at)) - start) < _FEW
-
-
-def _transfers(rows, t):
-    """Return size, first rows and times of transfers; of single rows where the size differs."""
-    mean = (t[-1] - t[0]) / (len(t) - 1)
-    for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(np.diff(t) >= BURST * mean))):
-        size = np.diff(rows[starts])
-        usual = int(np.median(size)) if len(size) else 1
-        # a few parts between long gaps are none
-        if usual > 1 and len(size) >= _LEAST and np.mean(size == usual) >= _MOST:
-            # the first and the last one may be incomplete
-            return usual, rows[starts][1:-1], t[starts][1:-1]
-    return 1, rows, t
-
-
-def _line(rows, t):
-    """Return the slope of time over row number, and how far each time is from that line.
-
-    By Theil's method, the median slope of pairs half a log apart; then, as stamps of transfers lie
-    on a few lines and it leads from one to another, by three rounds of least squares of what it
-    leaves, outliers clipped.
-    """
-    rows, half = rows - rows[0], len(rows) // 2
-    step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
-    middle = rows - rows.mean()
-    for _ in range(3):
-        away = t - step * rows
-        near = np.clip(away, *np.percentile(away, _NINE_IN_TEN))
-        step += (middle @ near / (middle @ middle)).item()
-    return step, t - step * rows
+    apart, away = _line(np.arange(len(at)), at)
+    whole = abs(apart - round(apart)) * len(at) < 2
+    return not whole and np.ptp(np.percentile(away, (5, 95))) < 2
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def packet_step(rows, t, repeats, rate=None):
-    """Return the step of rows that share the stamp of their packet, s, and if it is the last one's.
+def packet_step(rows, t, repeats):
+    """Return the step of rows that share a time stamp, s, and whether the last row has its time.
 
-    None where such rows are no packet: then the stamps around them go on as always. The step is by
-    the declared `rate`, Hz, else that from stamp to stamp over the number of rows. `rows` and `t`
-    are number and time, s, of each row with a new stamp, `repeats` the number of other rows.
+    None if such rows are not packets: then the time stamps around them go on as always. `rows` and
+    `t` are number and time, s, of each row with a new time stamp. `repeats` is the number of other
+    rows.
     """
-    if repeats < _LEAST or len(t) < 3:
+    if repeats < ENOUGH or len(t) < 3:
         return None
-    # of each stamp the number of rows, and the steps to the stamp before and to the next
+    # of each time stamp the number of rows, and the steps to the one before and to the next
     size, steps, found = np.diff(rows)[1:], np.diff(t), []
-    for last, away in ((True, steps[:-1]), (False, steps[1:])):
-        step = 1 / rate if rate else np.median(away / size).item()
-        fits = (away / step > size - BURST)[size > 1]
-        found.append((fits.mean() if fits.size else 0.0, last, step))
-    share, last, step = max(found)
-    return (step, last) if share >= BURST else None
+    for is_last, away in ((True, steps[:-1]), (False, steps[1:])):
+        step = np.median(away / size).item()
+        fits = (away / step > size - HALF)[size > 1]
+        found.append((fits.mean() if fits.size else 0.0, is_last, step))
+    share, is_last, step = max(found)
+    return (step, is_last) if share >= HALF else None
 
 
-def spread(x, readable, step, last):
-    """Return stamps in which rows that share one are a `step` apart, in units of the stamps.
+def spread(x, readable, step, is_last):
+    """Return time stamps in which rows that share one are a `step` apart, in their unit.
 
-    Theirs is of the `last` row, else of the first. No row comes before the stamp before, nor after
-    the next one.
+    The last row of a packet has the shared time stamp if `is_last`, else the first row. No row
+    comes before the time stamp before, nor after the next one.
     """
-    own = x[readable]
-    starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
-    size = np.diff(starts, append=len(own))
-    number = np.arange(len(own)) - np.repeat(starts + (size - 1) * last, size)
-    stamps = own[starts]
-    away = np.diff(stamps, prepend=stamps[0]) if last else np.diff(stamps, append=stamps[-1])
+    logged = x[readable]
+    starts = np.flatnonzero(np.append(True, logged[1:] != logged[:-1]))
+    size, stamps = np.diff(starts, append=len(logged)), logged[starts]
+    number = np.arange(len(logged)) - np.repeat(starts + (size - 1) * is_last, size)
+    ends = {"prepend": stamps[0]} if is_last else {"append": stamps[-1]}
+    away = np.diff(stamps, **ends)
     width = np.where(away > 0, np.minimum(step, away / size), step)
     moved = x.copy()
-    moved[readable] = own + (number * np.repeat(width, size)).astype(x.dtype)
+    moved[readable] = logged + (number * np.repeat(width, size)).astype(x.dtype)
     return moved
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def rebuilt_line(timing, logged):
-    """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
-
-    `timing` is the `Timing` of the log, `logged` are the figures as of quality.json of its times as
-    stamped.
-    """
-    even, packets, t = timing.even, timing.packets, timing.logged
+def rebuilt_line(rows):
+    """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
+    even, t, why = rows.even, rows.logged, "scatter about a regular clock"
     median, mean = np.median(np.diff(t)) * 1e3, (t[-1] - t[0]) / (len(t) - 1) * 1e3
-    shared = f"the stamps of {timing.repeats} rows are those of others, as of packets of samples"
+    if rows.packets:
+        why = f"of {rows.repeats} rows are those of others, as of packets of samples"
+    elif median * 1e-3 < HALF * even.step:
+        why = _in_bursts(median, mean)
+    elif even.complete:
+        why += ", no sample is lost"
     if not even:
-        return f"{shared}: they are put {packets[0]:.6g} s apart within each packet"
-    done = f": t is rebuilt from the row number at {1 / even.step:.6g} Hz"
-    if len(even.lost):
-        done += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
-    pauses = f"{done}; where the sensor itself pauses, give rate in Hz"
-    if packets:
-        return shared + pauses
-    if median * 1e-3 < BURST * even.step:
-        return (
-            f"the stamps come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms){pauses}"
-        )
-    known = ", no sample is lost" if even.complete else ""
-    if gaps := logged["gaps"]["count"]:
-        known += f", though {gaps} of the steps look like gaps"
-    if not (even.complete or len(even.lost)):
-        known += ", so that lost samples would not show"
-    return f"the stamps scatter about a regular clock{known}{done}"
+        return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
+    lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
+    done = f"t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}"
+    return f"the stamps {why}: {done}; where the sensor itself pauses, give rate in Hz"
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def bursts_fault(t, gaps, rate=None):
-    """Return what is wrong with time stamps in bursts that no line could rebuild, or None.
+    """Return a line on time stamps in bursts that no line could rebuild, or None.
 
-    A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
-    declared `rate`, Hz, in between. `t` are times, s, and `gaps` their gaps as in quality.json.
+    A sensor that pauses by itself pauses for longer, or has the declared `rate`, Hz, in between.
+    `t` are times, s, and `gaps` their gaps as in quality.json.
     """
-    if len(t) < 2:
+    if not gaps["count"]:
         return None
     median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
-    stretch = (t[-1] - t[0] - gaps["total_s"]) / (gaps["count"] + 1)
-    pauses = gaps["total_s"] > _LONGEST_PAUSE * max(gaps["count"], 1) or stretch >= _LONGEST_PAUSE
-    if pauses or median >= BURST * mean or (rate and abs(median * rate - 1) < _RATE_SHARE):
+    pauses = median >= HALF * mean or gaps["total_s"] > HALF * gaps["count"]
+    if pauses or (rate and abs(median * rate - 1) < RATE_SHARE):
         return None
     return (
-        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
-        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back. If "
-        "the sensor itself samples evenly, take the row's number for the time: columns.time: null, "
-        f"and about rate: {1 / mean:.4g}"
+        f"the stamps {_in_bursts(median * 1e3, mean * 1e3)} with {gaps['count']} gaps between, and "
+        "lie on no line: rows are lost, or held back. If the sensor itself samples evenly, take "
+        f"the row's number for the time: columns.time: null, and about rate: {1 / mean:.4g}"
     )
+
+
+def _in_bursts(median, mean):
+    """Return the words on time stamps in bursts, from their median and mean step, ms."""
+    return f"come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms)"

@@ -7,76 +7,83 @@ from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest.spellings import SENSORS
 
-# jitter of the stamps that is worth a warning, of a step: it becomes noise of the same share
+# share of a step by which time stamps may jitter: it becomes noise of this share of the signal
 _JITTER = 1e-3
 _BY_STAMPS = "step of the stamps that ends at the row"
 
 
 def factors(units):
-    """Return sensor -> SI per unit, of the sensors that are logged as increments."""
+    """Return the factor to SI of each sensor that is logged as increments."""
     return {q: known[units[q]] for q, known in INCREMENTS.items() if units.get(q) in known}
 
 
-def by_stamps(log, units):
-    """Tell whether increments of a log are divided by the steps of its time stamps."""
-    return bool(factors(units)) and "time" in log.found and "interval" not in log.found
+def are_by_stamps(rows):
+    """Return whether increments of `Rows` are divided by the steps of their time stamps."""
+    return bool(factors(rows.units)) and rows.stamped and "interval" not in rows.log.found
 
 
 # stamps and values of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def rates(rows, steps, units):
-    """Return the channels of increments in SI per second, by name.
+def rates(rows):
+    """Return the channels of increments of `Rows` as rates in SI, and by which steps.
 
-    `rows` are the `Rows` of a log. The interval is the logged one, not-a-number where none is
-    readable, else that of `steps`, s, a number or an array (n,).
+    The interval of a row is the logged one. Without it, it is the even step, or the step of the
+    time stamps that ends at the row. An increment is of one interval of the sensor, however many
+    rows are lost before it: after a gap it is the usual step.
+
+    Returns
+    -------
+    values : dict of str to array
+        Channels by name; not-a-number for a row without a readable interval.
+    first, wide : array of bool, shape (n,)
+        Rows at the start of the log, which have no interval, and rows that end a gap.
+    usual : float or None
+        Usual step of the time stamps, s; None if they are not needed.
     """
-    found = {}
-    for sensor, factor in factors(units).items():
+    first = wide = np.zeros(len(rows.x), dtype=bool)
+    steps, values, usual = rows.even.step if rows.even else rows.scale, {}, None
+    if are_by_stamps(rows):
+        before = rows.before
+        first, dt = before < rows.origin, (rows.x - before) * rows.scale
+        forward = rows.usable & (dt > 0)
+        known = dt[forward & ~first][1:]
+        usual = np.median(known).item() if len(known) else None
+        if not rows.even:
+            wide = forward & (dt > gap_limit(usual or np.inf))
+            # rows that do not go forward are dropped
+            steps = np.where(wide, usual, np.where(forward, dt, 1.0))
+    for sensor, factor in factors(rows.units).items():
         dt = steps
         if f"interval.{sensor}" in rows.stamps:
-            values, readable, _ = rows.stamps[f"interval.{sensor}"]
-            known = readable & (values > 0)
-            dt = np.where(known, values * TIME_SCALES[units["interval"]], np.nan)
-        found |= {name: rows.values[name] * factor / dt for name in SENSORS[sensor]}
-    return found
+            logged, readable, _ = rows.stamps[f"interval.{sensor}"]
+            known = readable & (logged > 0)
+            dt = np.where(known, logged * TIME_SCALES[rows.units["interval"]], np.nan)
+        values |= {name: rows.values[name] * factor / dt for name in SENSORS[sensor]}
+    return values, first & (not rows.even), wide, usual
 
 
-# stamps of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def intervals(dt, usual):
-    """Return the interval of each row, s, and which rows end a gap, from time steps dt, s, (n,).
+def figures(rows, counts, usual):
+    """Return the entry ``increments`` of quality.json for `Rows`; None if they hold no increments.
 
-    An increment is of one interval of the sensor, however many rows are lost before it: after a gap
-    it is the `usual` step, s.
+    `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
     """
-    # rows that do not go forward are dropped
-    dt = np.where(dt > 0, dt, 1.0)
-    wide = dt > gap_limit(usual) if usual else np.zeros(len(dt), dtype=bool)
-    return np.where(wide, usual or 1.0, dt), wide
-
-
-def figures(log, units, counts, timing):
-    """Return what quality.json says of increments; None where there are none.
-
-    `timing` is the `Timing` of the log.
-    """
-    sensors = {sensor: units[sensor] for sensor in factors(units)}
+    sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
     if not sensors:
         return None
-    interval = "step of the rows, rebuilt" if timing.even else _BY_STAMPS
-    if "interval" in log.found or not timing.rows.stamped:
-        interval = "logged" if "interval" in log.found else timing.time_unit
+    interval = "step of the rows, rebuilt" if rows.even else _BY_STAMPS
+    if "interval" in rows.log.found or not rows.stamped:
+        interval = "logged" if "interval" in rows.log.found else rows.time_unit
     return {
         "sensors": sensors,
         "interval": interval,
-        "usual_step_s": timing.usual,
+        "usual_step_s": usual,
         "without_interval": counts.without_interval,
         "by_usual_step": counts.by_usual_step,
     }
 
 
 def warnings(done, measured):
-    """Return how increments were treated (from `figures`), a line each."""
+    """Return the lines on increments, by their figures and the quality figures of the samples."""
     if not done or not measured["rate_hz"]:
         return []
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in done["sensors"].items())

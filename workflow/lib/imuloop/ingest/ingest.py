@@ -4,9 +4,7 @@ Read the files, find columns and units, find one clock, convert once, check, wri
 """
 
 import os
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +20,11 @@ from imuloop.ingest.convert import Counts, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.places import PAIR, for_reader, in_config
 from imuloop.ingest.plausible import milliseconds
-from imuloop.ingest.raw_log import RawLog, absent_sensor, all_rows
+from imuloop.ingest.raw_log import RawLog, absent_sensor
+from imuloop.ingest.rows import Rows
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
 from imuloop.ingest.stamps import iso_text
-from imuloop.ingest.timing import find_timing
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
@@ -40,7 +38,7 @@ _WITH_UNIT = ("time", *SENSORS)
 
 @dataclass(frozen=True)
 class Declared:
-    """What the config says of a log; what is left out is found from the log, units else SI.
+    """Keys of the config about a log; columns and units that are left out are found from the log.
 
     Attributes
     ----------
@@ -69,34 +67,41 @@ class Declared:
     gravity: float = STANDARD_GRAVITY
 
     def of_log(self):
-        """Return what of the log itself is declared, as in the config."""
+        """Return the declared keys about the log itself, as in the config."""
         names = ("format", "columns", "units", "rate", "full_scale")
         return {name: value for name in names if (value := getattr(self, name))}
 
 
-@dataclass(frozen=True)
+@dataclass
 class Reading:
     """A log as it was read, and the unit of each quantity.
 
-    `files` maps the role of each file to its path; `state` is their state before they were read;
-    `format` is that of the log. `absent` is the quantity of a sensor that the log lacks, `fault`
-    the RejectedLog that says why it cannot be used; `doubts` are lines on its units.
+    `declared` are the keys of the config about it. `files` maps the role of each file to its path,
+    and `state` is their state before they were read. `format` is the log's. `absent` is the
+    quantity of a sensor that the log lacks. `fault` is the RejectedLog that says why it cannot be
+    used. `doubts` are lines on its units.
     """
 
+    declared: Declared = field(default_factory=Declared)
     files: dict = field(default_factory=dict)
     state: dict = field(default_factory=dict)
     format: str | None = None
     log: RawLog = field(default_factory=RawLog)
     units: dict = field(default_factory=lambda: {q: units[0] for q, units in UNITS.items()})
-    nominal: dict = field(default_factory=dict)
     absent: str | None = None
     fault: RejectedLog | None = None
     doubts: list = field(default_factory=list)
 
-    @cached_property
+    @property
+    def of_log(self):
+        """The files of the log itself, by role."""
+        return {r: path for r, path in self.files.items() if r not in ("pps", "reference")}
+
+    @property
     def raw_units(self):
         """Unit of each sensor, a `RawUnit`, by its quantity."""
-        scales = {q: self.log.nominal.get(q, {}) | self.nominal.get(q, {}) for q in SENSORS}
+        logged, declared = self.log.nominal, self.declared.nominal
+        scales = {q: logged.get(q, {}) | declared.get(q, {}) for q in SENSORS}
         return {q: raw_unit(q, self.units[q], scales[q]) for q in SENSORS}
 
 
@@ -108,40 +113,45 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 
     Parameters
     ----------
+    device, session : str
+        Their names.
     kind : str or None
         What was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of the declared sources.
+    samples_path, quality_path : path-like
+        Where the results go.
     declared : Declared, optional
-        What the config says of the log.
+        Keys of the config about the log.
 
     Raises
     ------
     ImuloopError
-        If what is declared does not fit the log; one line with device, session and file.
+        If a declaration does not fit the log; one line with device, session and file.
     """
     declared, paths = declared or Declared(), [Path(path) for path in paths]
     who = {"device": device, "session": session, "kind": kind}
     try:
         reading = read(paths, declared)
-        samples, found, origin = check(reading, *convert(reading, declared), declared, kind)
+        samples, found, origin = check(reading, *convert(reading), kind)
         _write(samples_path, quality_path, samples, found, who | origin)
-    except (ImuloopError, PermissionError) as error:
+    except (ImuloopError, OSError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
-        of_machine = isinstance(error, PermissionError)
-        type_of, text = (MachineFault, error.strerror) if of_machine else (type(error), error)
+        fault, text = type(error), error
+        if isinstance(error, OSError):
+            fault, text = MachineFault, error.strerror or error
         whose = f"{device}/{session}: " if in_config() else ""
-        raise type_of(for_reader(f"{whose}{names}: {text}")) from error
+        raise fault(for_reader(f"{whose}{names}: {text}")) from error
 
 
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
     """Write samples without rows and a quality with the reason, for a log that does not fit.
 
-    Parameters are as in `ingest`; the reason is about what is declared.
+    The reason is about the declaration. The other parameters are as in `ingest`.
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
     none = no_samples(reading.log), Counts(reasons=[reason])
-    samples, found, origin = check(reading, *none, Declared(), kind)
+    samples, found, origin = check(reading, *none, kind)
     _write(samples_path, quality_path, samples, found | {"misdeclared": True}, who | origin)
 
 
@@ -152,32 +162,29 @@ def read(paths, declared):
             raise ImuloopError("its name is no UTF-8: rename it")
         if not (path.is_file() or path.is_dir()):
             raise ImuloopError("there is no such file")
-    state = _state(paths)
     roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
     files = dict(zip(roles, paths, strict=True))
-    own = {role: path for role, path in files.items() if role not in ("pps", "reference")}
+    found = Reading(declared, files, _state(paths), declared.format)
     in_log = declared.pps and "pps" not in files
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
-    log_format, log, absent, fault = declared.format, RawLog(), None, None
     try:
-        log_format, form = find_format(declared.format, own)
-        log = form.read(own, columns or None)
-        absent = absent_sensor(log, columns)
+        found.format, form = find_format(declared.format, found.of_log)
+        found.log = form.read(found.of_log, columns or None)
+        found.absent = absent_sensor(found.log, columns)
     except RejectedLog as error:
-        log, fault = RawLog(), error
-    units, doubts = choose_units(log, declared.units)
-    how = absent, fault, doubts
-    return Reading(files, state, log_format, log, units, declared.nominal, *how)
+        found.log, found.fault = RawLog(), error
+    found.units, found.doubts = choose_units(found.log, declared.units)
+    return found
 
 
 def choose_units(log, declared):
     """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
-    `declared` are those of the config; an ImuloopError where one is no unit.
+    `declared` are the units of the config. Raises an ImuloopError for an unknown one.
     """
     stamps = log.found.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
-        # two columns are joined to ns, whatever is declared of them
+        # two columns are joined to ns, with any declaration
         declared = declared | {"time": "ns"}
     used = {q: declared.get(q) or log.units.get(q) or units[0] for q, units in UNITS.items()}
     for quantity, unit in used.items():
@@ -187,7 +194,7 @@ def choose_units(log, declared):
             continue
         if quantity not in declared:
             raise unknown_unit(quantity, unit)
-        # that of sensors is checked with their scale
+        # units of sensors are checked with their scale
         if quantity not in SENSORS:
             near = stated_unit(quantity, unit)
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(UNITS[quantity])}"
@@ -200,91 +207,82 @@ def choose_units(log, declared):
     return {q: u for q, u in used.items() if q in _WITH_UNIT or q in log.found}, doubts
 
 
-def convert(reading, declared):
+def convert(reading):
     """Return the samples of a log on its one clock, and their `Counts`."""
-    log, units, counts = reading.log, reading.units, Counts(read=reading.log.batch.num_rows)
+    log, counts = reading.log, Counts(read=reading.log.batch.num_rows)
     try:
         if reading.fault:
             raise reading.fault
-        rows = all_rows(log, units, declared.rate)
+        rows = Rows(log, reading.units, reading.declared)
         if not counts.read:
             return no_samples(log), counts
-        timing = find_timing(rows, log, units, declared, reading.files.get("pps"))
-        samples, counts = si_samples(rows, timing, log, units, reading.raw_units)
+        rows.find_clock(reading.files.get("pps"))
+        samples, counts = si_samples(rows, reading.raw_units)
     except RejectedLog as error:
         return no_samples(log), replace(counts, reasons=[str(error)])
-    if timing.logged is not None:
-        counts.logged = quality.time_figures(timing.logged)
+    if rows.logged is not None:
+        counts.logged = quality.time_figures(rows.logged)
         del counts.logged["rows"]
-        counts.rebuilt = even_stamps.rebuilt_line(timing, counts.logged)
+        counts.rebuilt = even_stamps.rebuilt_line(rows)
     return samples, counts
 
 
-def check(reading, samples, counts, declared, kind):
+def check(reading, samples, counts, kind):
     """Return the samples, none of a rejected log, what quality.json says, and their origin."""
-    log, raw_units, absent = reading.log, reading.raw_units, reading.absent
-    full_scale, rate = declared.full_scale, declared.rate
-    reasons = counts.reasons
-
-    def measured():
-        return _drop_absent(absent, quality.measure(samples, raw_units, full_scale))
-
-    figures, in_ms = measured(), None
+    log, raw_units, declared = reading.log, reading.raw_units, reading.declared
+    figures, in_ms, rate = _measure(reading, samples), None, declared.rate
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
         in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
     bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
-    dropped, at = figures.pop("isolated")
+    dropped, channels = figures.pop("isolated")
     if len(dropped):
-        number = np.bincount(at, minlength=len(CHANNELS)).tolist()
+        number = np.bincount(channels, minlength=len(CHANNELS)).tolist()
         counts.spike_values = dict(zip(CHANNELS, number, strict=True))
         counts.spiked = len(np.unique(dropped))
         samples = {name: np.delete(x, dropped) for name, x in samples.items()}
         # the gaps that this leaves are counted as spikes
-        figures = measured() | {"gaps": figures["gaps"]}
+        figures = _measure(reading, samples) | {"gaps": figures["gaps"]}
         del figures["isolated"]
-    # without an accelerometer there is no yardstick
-    gravity = None if absent == "acceleration" else declared.gravity
-    how = raw_units, gravity, kind, declared.nominal, rate
-    findings = checks.findings(checks.Evidence(figures, counts, log, *how))
+    # an accelerometer is the yardstick
+    gravity = None if reading.absent == "acceleration" else declared.gravity
+    of_log = {"figures": figures, "counts": counts, "log": log, "units": raw_units, "kind": kind}
+    findings = checks.findings(
+        checks.Evidence(**of_log, gravity=gravity, nominal=declared.nominal, rate=rate)
+    )
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
-        # the rate is wrong, and what was found by it
+        # the rate is wrong, and so is all that was found by it
         many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
         wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
+    reasons, unread = counts.reasons, findings[checks.UNREADABLE]
     if _state(reading.files.values()) != reading.state:
         reasons = ["the file changed while it was read"]
-    if unread := findings[checks.UNREADABLE]:
-        reasons, wrong, doubts = reasons or unread, [], []
-        counts.logged = counts.rebuilt = None
-    reasons = reasons or findings[checks.UNUSABLE]
-    doubts = log.notes + findings[checks.WARNING] * bool(figures["rows"]) + doubts
-    units = reading.units | ({"time": counts.time_unit} if counts.time_unit else {})
-    origin = _origin(reading, declared) | {"units": units}
-    if counts.start_ns is not None:
-        origin["start"] = iso_text(counts.start_ns)
-    known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
-    origin |= {name: found for name, found in known.items() if found}
+    if unread:
+        wrong, doubts, counts.logged, counts.rebuilt = [], [], None, None
+    reasons = reasons or unread or findings[checks.UNUSABLE]
+    origin = _origin(reading, counts)
+    ends = {"rails": quality.rails(figures, declared.full_scale), "stuck": quality.stuck(figures)}
+    origin |= {name: found for name, found in ends.items() if found}
     if declared.reference and not (reasons or wrong):
-        own = declared.of_log() | {"units": units}
-        how = reading.files, declared.reference, own, counts
-        columns, beside, wrong = reference.beside(samples, *how)
-        origin["reference"] = beside
+        session = declared.of_log() | {"units": origin["units"]}
+        columns, origin["reference"], wrong = reference.beside(
+            samples, reading.files, declared.reference, session, counts
+        )
         samples |= columns
     lines = reading.doubts + pps.warnings(counts.pps)
     lines += increments.warnings(counts.increments, figures)
-    lines += [counts.rebuilt] if counts.rebuilt else []
-    lines += counts.clock.warnings()
-    if absent:
+    lines += [counts.rebuilt] * bool(counts.rebuilt) + counts.clock.warnings()
+    if reading.absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
-        lines.append(f"the log holds no {absent}: {why}")
-    lines += doubts
+        lines.append(f"the log holds no {reading.absent}: {why}")
+    lines += log.notes + findings[checks.WARNING] * bool(figures["rows"]) + doubts
     found = {
         "format": 1,
         "status": "rejected" if reasons or wrong else "ok",
         "reasons": [*map(for_reader, reasons or wrong)],
-        # whether the entry, not the log, is what the reasons are about
+        # whether the reasons are about the entry, not the log
         "misdeclared": bool(wrong and not reasons),
         "warnings": [*map(for_reader, lines)],
         **figures,
@@ -298,36 +296,40 @@ def check(reading, samples, counts, declared, kind):
     return no_samples(log) if reasons or wrong else samples, found, origin
 
 
-def _drop_absent(absent, figures):
-    """Return quality figures without those of a sensor, by quantity, that is `absent`, if any."""
-    if not absent:
-        return figures
-    axes, faults = SENSORS[absent], figures["faults"]
-    figures["constant"] = [name for name in figures["constant"] if name not in axes]
-    figures["range"] |= dict.fromkeys(axes)
-    if faults:
+def _measure(reading, samples):
+    """Return the quality figures of samples, with neutral ones for a sensor that the log lacks."""
+    figures = quality.measure(samples, reading.raw_units, reading.declared.full_scale)
+    absent, faults = reading.absent, figures["faults"]
+    if absent:
+        axes = SENSORS[absent]
+        figures["constant"] = [name for name in figures["constant"] if name not in axes]
+        figures["range"] |= dict.fromkeys(axes)
+    if absent and faults:
         faults["zero_rows"][absent] = 0
         faults["in_turn"] = dict.fromkeys(SENSORS, 0)
-        # a change of the force is no fault where turns are not seen
+        # a change of the force may be a turn, which is not seen
         if absent == "angular_rate" and faults["rests"]:
             faults["rests"]["jump_m_s2"] = 0.0
     return figures
 
 
-def _origin(reading, declared):
-    """Return where samples come from, as far as it is known before the log is converted."""
-    own = {role: path for role, path in reading.files.items() if role not in ("pps", "reference")}
-    origin = {
+def _origin(reading, counts):
+    """Return where samples come from, in what units and when they begin."""
+    files, paths, declared = reading.of_log, [*reading.state], reading.declared
+    distinct = len({path.name for path in paths}) == len(paths)
+    start, turned = counts.start_ns, declared.known_rotation
+    return {
         "log_format": reading.format,
-        "source": declared.sources or {role: {"path": str(path)} for role, path in own.items()},
-        "sha256": _hashes([*reading.state]),
+        "source": declared.sources or {role: {"path": str(path)} for role, path in files.items()},
+        # by path where names repeat
+        "sha256": {p.name if distinct else str(p): sha256(p) for p in paths if p.is_file()},
         "raw_units": {quantity: vars(unit) for quantity, unit in reading.raw_units.items()},
         "declared": declared.of_log(),
         "sensor_ids": reading.log.sensor_ids,
         "simulated": reading.log.simulated,
-        "start": None,
-    }
-    return origin | ({"known_rotation": r} if (r := declared.known_rotation) else {})
+        "start": None if start is None else iso_text(start),
+        "units": reading.units | ({"time": counts.time_unit} if counts.time_unit else {}),
+    } | ({"known_rotation": turned} if turned else {})
 
 
 def _write(samples_path, quality_path, samples, found, origin):
@@ -347,22 +349,7 @@ def _write(samples_path, quality_path, samples, found, origin):
 
 
 def _state(paths):
-    """Return what differs once a file at the paths, or in a folder there, is written to."""
+    """Return figures of files at the paths, or in folders there, that change with each write."""
     files = [f for path in paths for f in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    found = {}
-    # one that is gone differs, too
-    for path in filter(Path.is_file, files):
-        with suppress(FileNotFoundError):
-            state = path.stat()
-            found[path] = state.st_ino, state.st_size, state.st_mtime_ns
-    return found
-
-
-def _hashes(files):
-    """Return file name (path, where names repeat) -> SHA-256."""
-    distinct, found = len({path.name for path in files}) == len(files), {}
-    for path in files:
-        # one that is gone meanwhile has changed
-        with suppress(FileNotFoundError):
-            found[path.name if distinct else str(path)] = sha256(path)
-    return found
+    stats = {file: file.stat() for file in files if file.is_file()}
+    return {file: (s.st_ino, s.st_size, s.st_mtime_ns) for file, s in stats.items()}

@@ -21,16 +21,15 @@ _PAIRS = {
     PYTHON: "{'acceleration': FILE, 'angular_rate': FILE}",
 }
 _units = {*TIME, *ACCELERATION, *ANGULAR_RATE, *TEMPERATURE, "count"}.union(*INCREMENTS.values())
-_VALUE = "|".join(
-    (r"null", r"\[[^]]+\]", r"\d+(?:\.\d+)?(?:e[+-]?\d+)?", *map(re.escape, sorted(_units)))
-)
+_NUMBER = r"\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+_VALUE = "|".join((r"null", r"\[[^]]+\]", _NUMBER, *map(re.escape, sorted(_units))))
 _QUANTITY = "acceleration|angular_rate|time|temperature|interval"
+# the path of a key, with its value where there is one; or a key with any value
 _KEY = re.compile(
-    rf"(?<![\w.-])(?:(columns|units|nominal|range)\.({_QUANTITY})((?:\.\w+)*)"
-    r"|(rate)(?= in Hz|: \d))"
-    rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
+    rf"(?<![\w.-])((?:columns|units|nominal|range)\.(?:{_QUANTITY})(?:\.\w+)*"
+    rf"|rate(?= in Hz|: \d))(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
-# a key by itself that is none of those, and its option
+# any other key by itself, and its option
 _ALONE = re.compile(r"(rate|format|sensor|range|columns|units|nominal)(?:\.(\w+))?")
 _OPTIONS = {"columns": "--columns ", "nominal": "--counts "}
 # keys that only a config has
@@ -60,47 +59,42 @@ def for_reader(text):
 
     A message that already has this form does not change.
     """
-    if in_config():
-        return text
     place = _place.get()
-    named = {COMMAND_LINE: _option, PYTHON: _argument}[place]
+    if place == CONFIG:
+        return text
     if place == COMMAND_LINE and (key := _ALONE.fullmatch(text)) and not _KEY.fullmatch(text):
         name, part = key.groups()
         return f"{_OPTIONS.get(name, f'--set {name}.')}{part}" if part else f"--{name}"
-    text = text.replace(PAIR, _PAIRS[place])
-    text = _KEY.sub(lambda found: named(*found.groups()), text)
+    named = {COMMAND_LINE: _option, PYTHON: _argument}[place]
+    text = _KEY.sub(lambda found: named(*found.groups()), text.replace(PAIR, _PAIRS[place]))
     return _NO_OPTION.sub(r"\g<0> (only in a config)", text)
 
 
-def _option(key, quantity, part, rate, value, form):
+def _option(path, value, form):
     """Return the option of the command line for the groups of a match of `_KEY`, text."""
-    if form:
-        return f"--{form} "
-    if rate:
-        return f"--rate {value}" if value else "--rate"
-    if key == "units":
-        option = f"--{quantity.replace('_', '-')}-unit"
-        return f"{option} {value}" if value else option
-    if key == "range":
-        return "--range"
-    if key == "columns":
-        quantity += part
-    option = {"columns": "--columns", "nominal": "--counts"}[key]
-    return f"{option} {quantity}={re.sub(', ', ',', value.strip('[]')) if value else '…'}"
+    key, _, inside = (path or form).partition(".")
+    quantity, given = inside.partition(".")[0], f" {value}" if value else ""
+    value = value.strip("[]").replace(", ", ",") if value else "…"
+    return {
+        "columns": f"--columns {inside}={value}",
+        "units": f"--{quantity.replace('_', '-')}-unit{given}",
+        "nominal": f"--counts {quantity}={value}",
+        "range": "--range",
+        "rate": f"--rate{given}",
+    }.get(key, f"--{form} ")
 
 
-def _argument(key, quantity, part, rate, value, form):
+def _argument(path, value, form):
     """Return the Python argument for the groups of a match of `_KEY`, text."""
-    if form:
-        return f"{form}="
-    if value is None or re.fullmatch(r"[\d.e+-]+", value):
-        value = value or "…"
-    elif value.startswith("["):
+    key, *inside = (path or form).split(".")
+    if form or (key == "rate" and not value):
+        return f"{form}=" if form else key
+    if value and value.startswith("["):
         value = str(value[1:-1].split(", "))
-    else:
-        value = {"null": "None"}.get(value, repr(value))
-    if rate:
-        return "rate" if value == "…" else f"rate={value}"
-    for name in reversed([quantity, *part.split(".")[1:]]):
+    elif value and not re.fullmatch(_NUMBER, value):
+        value = None if value == "null" else repr(value)
+    elif not value:
+        value = "…"
+    for name in reversed(inside):
         value = f"{{'{name}': {value}}}"
     return f"{key}={value}"

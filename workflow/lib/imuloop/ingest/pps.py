@@ -23,9 +23,9 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# a local clock that is further off is none; a mark that is, against its neighbours, is no mark
+# largest error of the rate of a local clock, s/s, and of a mark against its neighbours, s
 MOST_OFF = 500e-6
-# marks beside which one is looked at, itself among them
+# marks whose median a mark is compared with, itself among them
 _NEIGHBOURS = 11
 # GNSS time of a mark is a whole second, but for its rounding, s
 _WHOLE = 1e-3
@@ -36,8 +36,8 @@ _WEEK = 604_800
 class Timeline:
     """GNSS time `seconds` from the first mark over the local counter at marks, `counters`, rising.
 
-    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` what
-    quality.json says of the marks.
+    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` the
+    entry of quality.json on the marks.
     """
 
     counters: np.ndarray
@@ -53,7 +53,7 @@ class Timeline:
         return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
-        """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
+        """Return the moment of GNSS time from the first mark, ns since 1970; None if not dated."""
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
     def figures_beside(self, seconds):
@@ -62,58 +62,50 @@ class Timeline:
         return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
-def find_timeline(timing, log, tick, columns, path=None):
-    """Return GNSS time over the counter of a log, its time column.
+def find_timeline(rows, path=None):
+    """Return GNSS time over the counter of a log, the mended time stamps of its `Rows`.
 
-    Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
-    `path`, by default its first two. `timing` is that of the mended counter, of `tick` ns. Marks
-    that do not fit the log reject it.
+    Marks are the declared columns ``counter`` and ``time`` of `pps`, of the log, or of the text
+    table at `path`, by default its first two. Marks that do not fit the log reject it.
     """
-    rows = timing.rows
-    faults = {
-        "only tables hold columns of marks; name a file in pps.file": not (
-            path or log.found.get("pps")
-        ),
-        "the log has no time column, which is to be the local counter": not rows.stamped,
-        "the log's stamps are dates, not a local counter": rows.dates,
-    }
-    for fault in (text for text, found in faults.items() if found):
+    columns, fault = rows.declared.pps, None
+    if not (path or rows.log.found.get("pps")):
+        fault = "only tables hold columns of marks; name a file in pps.file"
+    elif not rows.stamped:
+        fault = "the log has no time column, which is to be the local counter"
+    elif rows.dates:
+        fault = "the log's stamps are dates, not a local counter"
+    if fault:
         raise ImuloopError(f"pps: {fault}")
-    if timing.clock.resets:
+    if rows.clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
-    if path is None:
-        stamps = rows.stamps["pps.counter"], rows.stamps["pps.time"]
-    else:
-        layout = find_layout(path, least=2)
-        known = {"names": layout.names, "headed": layout.headed}
+    usable, stamps = rows.usable, [rows.stamps.get(f"pps.{key}") for key in ("counter", "time")]
+    if path:
+        layout, usable = find_layout(path, least=2), True
         named = {f"pps.{key}": columns.get(key, i) for i, key in enumerate(("counter", "time"))}
-        where = [position(key, column, **known) for key, column in named.items()]
+        where = [position(key, at, layout.names, layout.headed) for key, at in named.items()]
         stamps = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
     (counters, fine, _), (times, known, dated) = stamps
-    known = known & fine & (timing.usable if path is None else True)
-    counters, times = counters[known], times[known]
+    counters, times = counters[known & fine & usable], times[known & fine & usable]
     if not len(counters):
         raise RejectedLog(f"1PPS: {path or 'the log'} holds no marks")
     # a log repeats the last mark in each row
     new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))
-    own = timing.x[timing.usable]
-    counters = _align(counters[new], timing.clock.span_in(tick), own, tick)
-    return _fit_timeline(counters, times[new], dated, own, tick * 1e-9)
+    counters = _align(counters[new], rows)
+    return _fit_timeline(counters, times[new], dated, rows)
 
 
-def _align(counters, width, own, tick):
-    """Return counters of marks in line with those of a log, `own`.
-
-    `width` is the span of the log's counter, if it rolled over.
-    """
+def _align(counters, rows):
+    """Return counters of marks, (n,), in line with the mended ones of a log's `Rows`."""
+    width, own = rows.clock.span_in(rows.tick), rows.x[rows.usable]
     if width:
         counters = np.unwrap(counters, period=width)
     else:
         clock = Clock()
-        counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), tick)
+        counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
         if clock.resets:
             raise RejectedLog("1PPS: the counter of the marks starts again")
-        width = clock.span_in(tick)
+        width = clock.span_in(rows.tick)
     # whole spans apart, where one began a span later
     middle = (own.min() + own.max() - counters[0] - counters[-1]).item() / 2
     return counters + round(middle / width) * width if width else counters
@@ -121,13 +113,13 @@ def _align(counters, width, own, tick):
 
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def _fit_timeline(counters, times, dated, own, scale):
+def _fit_timeline(counters, times, dated, rows):
     """Return GNSS time over the counter, through the marks that can be used.
 
-    Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
-    where their neighbours put them, and all but the longest stretch of marks between which the
-    local clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or
-    ns where `dated`; `own` are those of the log, `scale` are seconds per tick.
+    Marks are rejected that are not whole seconds, or that are more than `MOST_OFF` s away from the
+    line through their neighbours. The longest stretch is used in which the rate of the
+    local clock is off by at most `MOST_OFF`. `counters` have no roll-over, `times` are s, or
+    ns where `dated`; `rows` are the `Rows` of the log.
     """
     given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
     whole = np.abs(t - np.rint(t)) <= _WHOLE
@@ -137,7 +129,7 @@ def _fit_timeline(counters, times, dated, own, scale):
     if not dated:
         # time of week
         t = np.unwrap(t, period=_WEEK)
-    local = (counters - counters[:1]) * scale
+    local = (counters - counters[:1]) * rows.scale
     rate = np.diff(local) / np.diff(t)
     usual = np.median(rate[np.isfinite(rate)]) if np.isfinite(rate).any() else 1.0
     away = local - usual * t
@@ -146,34 +138,33 @@ def _fit_timeline(counters, times, dated, own, scale):
     off = np.diff(local) / np.diff(t) - 1
     sound = stretches_of((np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)).tolist()
     begin, end = max(sound, key=lambda stretch: stretch[1] - stretch[0], default=(0, 0))
-    if end - begin < 1:
+    if begin == end:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
-    counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if counters[0] >= own.max() or counters[-1] <= own.min():
+    counters, t, off = counters[begin : end + 1], t[begin : end + 1], off[begin:end] * 1e6
+    if counters[0] >= rows.x[rows.usable].max() or counters[-1] <= rows.x[rows.usable].min():
         raise RejectedLog("1PPS: the marks and the log share no time")
-    steps, off = np.diff(t), off[begin:end] * 1e6
     figures = {
         "marks": len(t),
         "rejected": given - len(t),
-        "missed": int((steps - 1).sum()),
-        "longest_step_s": float(steps.max()),
-        "drift_ppm": float(((counters[-1] - counters[0]) * scale / (t[-1] - t[0]) - 1) * 1e6),
+        "missed": int((np.diff(t) - 1).sum()),
+        "longest_step_s": float(np.diff(t).max()),
+        "drift_ppm": float(((local[end] - local[begin]) / (t[-1] - t[0]) - 1) * 1e6),
         "drift_range_ppm": [float(off.min()), float(off.max())],
     }
     return Timeline(counters, t - t[0], int(times[begin]) if dated else None, figures)
 
 
 def warnings(done):
-    """Return what was done by marks, from their figures if there are any, a line each."""
+    """Return the line on a clock by marks, from their figures, if there are any."""
     if not done:
         return []
-    drift, parts = done["drift_ppm"], []
-    if done["missed"]:
-        parts += [f"{done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"]
-    if done["rejected"]:
-        parts += [f"{done['rejected']} marks rejected"]
-    if done["before"] or done["after"]:
-        rows = f"{done['before']} rows before the first mark and {done['after']} after the last"
-        parts += [f"{rows} go by the rate of the nearest interval"]
+    drift, outside = done["drift_ppm"], done["before"] or done["after"]
     line = f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
-    return ["; ".join([f"{line}{abs(drift):.3f} ppm {'slow' if drift < 0 else 'fast'}", *parts])]
+    line += f"{abs(drift):.3f} ppm {'slow' if drift < 0 else 'fast'}"
+    if done["missed"]:
+        line += f"; {done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"
+    line += f"; {done['rejected']} marks rejected" if done["rejected"] else ""
+    if outside:
+        line += f"; {done['before']} rows before the first mark and {done['after']} after the last"
+        line += " go by the rate of the nearest interval"
+    return [line]

@@ -1,4 +1,4 @@
-"""A reference beside a log: attitudes and places of a body on the device, on the log's clock."""
+"""A reference for a log: attitudes and places of a body on the device, on the log's clock."""
 
 import re
 from dataclasses import replace
@@ -16,11 +16,12 @@ from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
-# s; up to here clocks count as one, which are compared in such steps
-SAME_CLOCK, STEP = 0.1, 0.01
+# s, step in which the clocks are compared
+STEP = 0.01
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
-# rad; a marker that is taken for another turns the body by more, beside most of so many s
+# rad; a marker that is taken for another turns the body by more, compared with the median over
+# this time, s
 SWAPPED, BLOCK = 0.2, 2.0
 
 
@@ -37,8 +38,8 @@ def beside(samples, files, declared, session, counts):
     files : dict
         Path of each file by its role; without ``reference`` it is the log that holds it.
     declared, session : dict
-        What the config says of the reference and of the log: ``format``, ``columns``, ``units``,
-        ``convention``, ``rate``.
+        Keys of the config about the reference and about the log: ``format``, ``columns``,
+        ``units``, ``convention``, ``rate``.
     counts : Counts
         When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``; and the first
         stamp, ``origin``.
@@ -48,7 +49,7 @@ def beside(samples, files, declared, session, counts):
     raw, figures = _read(files, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
-    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
+    figures["clock"] = {"offset_s": shift, "own": abs(shift) > COMPARED}
     figures |= {"unexplained": residual, "frame": frame}
     if not reasons:
         if declared["convention"] == "world_to_body":
@@ -63,10 +64,10 @@ def beside(samples, files, declared, session, counts):
 
 
 def read_series(path, log_format, columns):
-    """Return the stamps of a table, None without, and numbers in columns of a reference, (n, k).
+    """Return the stamps of a table, if it has any, and numbers in columns of a reference, (n, k).
 
-    `columns` are as declared, ``time``, ``orientation`` and ``position``; of two quantities that
-    of ``orientation`` comes first. Nothing is read of sensors.
+    `columns` are as declared, ``time``, ``orientation`` and ``position``; the numbers of
+    ``orientation`` come first. Sensors are not read.
     """
     form = find_format(log_format, {"log": path})[1]
     others = {
@@ -84,8 +85,8 @@ def read_series(path, log_format, columns):
 
 def _read(files, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
-    file = files.get("reference", files.get("log"))
-    units, same = declared.get("units") or {}, str(file) == str(files.get("log"))
+    file, units = files.get("reference", files.get("log")), declared.get("units") or {}
+    same = str(file) == str(files.get("log"))
     own_time = (session.get("columns") or {}).get("time")
     own_unit = (session.get("units") or {}).get("time", "s")
     columns = {"time": own_time if same else None} | declared["columns"]
@@ -95,52 +96,44 @@ def _read(files, declared, session, counts):
     except ImuloopError as error:
         raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
     rate = declared.get("rate") or session.get("rate")
-    if stamps is not None:
-        t, start, dates = _seconds(stamps, units.get("time", own_unit))
+    if stamps is None and not rate:
+        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
+    if stamps is None:
+        t = np.arange(len(values)) / rate
+    else:
+        stamps, readable, dates = stamp_values(stamps)
+        tick = 1 if dates else NANOSECONDS.get(units.get("time", own_unit), 1)
+        t = np.where(readable, stamps * float(tick), np.nan) / 1e9
+        start = t[readable][:1].sum()
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
             # stamps of one clock begin where the log's do
             start = counts.origin * float(NANOSECONDS.get(own_unit, 1)) / 1e9
-    elif rate:
-        t, start = np.arange(len(values)) / rate, 0.0
-    else:
-        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
-    q, p, t = values[:, :4], values[:, 4:] * LENGTH[units.get("position", "m")], t - start
-    p = p if p.size else np.full((len(q), 3), np.nan)
+        t = t - start
+    q, p = values[:, :4], np.full((len(values), 3), np.nan)
+    if values.shape[1] > 4:
+        p = values[:, 4:] * LENGTH[units.get("position", "m")]
     length = np.linalg.norm(q, axis=1)
     lost = ~np.isfinite(length)
     odd = ~lost & (np.abs(length - 1) > 0.1)
     q = np.where((odd | lost)[:, None], np.nan, q / length[:, None])
     order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
     order = order[np.diff(t[order], prepend=-np.inf) > 0]
-    figures = {
-        "rows": len(q),
-        "lost": int(lost.sum()),
-        "no_rotation": int(odd.sum()),
-        "out_of_order": len(q) - len(order),
-        "convention": declared["convention"],
-    }
     if np.isfinite(q[order, 0]).sum() < 100:
         raise ImuloopError(
             "reference.columns.orientation: fewer than 100 rows hold a unit quaternion"
         )
+    figures = {"rows": len(q), "lost": int(lost.sum()), "no_rotation": int(odd.sum())}
+    figures |= {"out_of_order": len(q) - len(order), "convention": declared["convention"]}
     return Reference(t[order] - counts.begin_s, q[order], p[order]), figures
 
 
-def _seconds(stamps, unit):
-    """Return time stamps in a unit as s, not-a-number where none is, the first, and if dates."""
-    stamps, readable, dates = stamp_values(stamps)
-    tick = 1 if dates else NANOSECONDS.get(unit, 1)
-    t = np.where(readable, stamps * float(tick), np.nan) / 1e9
-    return t, t[readable][:1].sum(), dates
-
-
 def _on_clock(reference, t, w):
-    """Return the reference on the samples' clock, and its offset, s: where rates look alike.
+    """Return the reference on the samples' clock, and its offset, s, at which rates agree best.
 
-    The clocks are one where the best offset is below `SAME_CLOCK`; what is left of it is for the
-    diagnosis.
+    `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). The clocks
+    are one where the best offset is below `COMPARED`; the diagnosis finds the rest of it.
     """
     # loaded late, as few logs have a reference
     from scipy.signal import correlate, correlation_lags
@@ -151,17 +144,17 @@ def _on_clock(reference, t, w):
     count = max(1, round(COMPARED / np.median(np.diff(t))))
     own = uniform_filter1d(np.linalg.norm(w, axis=1), count, mode="constant")
     pair = []
-    for at, values in (((start + end) / 2, size), (t, own)):
-        on_grid = np.interp(grid, at, values, left=np.nan, right=np.nan)
+    for times, rates in ((t, own), ((start + end) / 2, size)):
+        on_grid = np.interp(grid, times, rates, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
-    alike = correlate(*pair[::-1], method="fft")
+    alike = correlate(*pair, method="fft")
     best = int(np.argmax(alike))
     shift = correlation_lags(len(grid), len(grid))[best] * STEP
-    if abs(shift) <= SAME_CLOCK:
+    if abs(shift) <= COMPARED:
         return reference, 0.0
-    near = alike.take([best - 1, best, best + 1], mode="clip")
-    bend = near[0] - 2 * near[1] + near[2]
-    shift += STEP * (near[0] - near[2]) / (2 * bend) if bend < 0 else 0.0
+    below, peak, above = alike.take([best - 1, best, best + 1], mode="clip")
+    bend = below - 2 * peak + above
+    shift += STEP * (below - above) / (2 * bend) if bend < 0 else 0.0
     return replace(reference, t=reference.t + shift), float(shift)
 
 
@@ -203,7 +196,7 @@ def _noise(reference):
     """
 
     def size(known, difference):
-        """Return σ by the median, where four samples on end are evenly spaced; None without."""
+        """Return σ by the median over four evenly spaced samples in a row, if there are any."""
         at = np.flatnonzero(known)
         steps = np.diff(reference.t[at])
         if len(steps) < 3:

@@ -22,26 +22,26 @@ from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
 
 # length of a window, and of the means that it is made of, s
 WINDOW, FINE = 0.5, 0.04
-# a quiet window varies at most so many times as much as the quietest twentieth of the log
+# largest ratio of the variance of a quiet window to the variance in the quietest twentieth of a log
 QUIET = 10.0
 # gravity turns by less from window to window of a stop, rad
 STILL = 0.02
-# a move turns gravity by so much at least, rad, and lasts so long at most, s
+# least angle by which a move turns gravity, rad, and its longest duration, s
 LEAST_TURN, LONGEST_MOVE = 0.35, 20.0
-# a scale needs so many moves; of a long log so many moves show all
+# least number of moves for a scale, and largest number that is used of a long log
 LEAST_MOVES, MOST_MOVES = 3, 64
 # the scale is looked for within this factor of a guess; a move whose best scale leaves more than
 # this share of its turn says nothing
 NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
 # attitudes differ by more, rad
 APART = 0.17
-# a jump of the force, between stops at most so many windows apart, is so many times what the
-# angular rate turns gravity by
+# largest number of windows between stops with a jump of the force, and least ratio of the jump to
+# the change of gravity by the angular rate
 WINDOWS_BETWEEN, UNTURNED = 3, 5.0
 
 
 def measure_turns(x, rate, t, gaps=()):
-    """Return what channels, (n,) by name, at a rate, Hz, show of turns and of rests.
+    """Return figures of turns and of rests from channels, (n,) by name, at a rate, Hz.
 
     These are `axes` and `rests` in quality.schema.yaml. `t` is the time of each row, s, and `gaps`
     are the rows before gaps.
@@ -60,7 +60,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return what the stops of a log show, `rests` in quality.schema.yaml; None without a stop.
+    """Return the figures `rests` of quality.schema.yaml from the stops of a log, if it has any.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     gaps = np.append(np.asarray(gaps, dtype=int), len(t) + width)
 
     def gap_row(i, j):
-        """Return the last rows before gaps from windows i to windows j, -1 where there is none."""
+        """Return the last rows before gaps from windows i to windows j, else -1."""
         last = gaps[np.searchsorted(gaps, i * width)]
         return np.where(last < (j + 1) * width, last, -1)
 
@@ -137,7 +137,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
 
 
 def turn_ratio(moves, scales):
-    """Return how far the angular rate turns the device over moves, beside gravity.
+    """Return the ratio of the turns over moves by the angular rate to the turns by gravity.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def turn_ratio(moves, scales):
     middle = np.median(found)
     value = float(np.exp(middle))
     # standard deviation of a normal distribution by the median of the distances from its median,
-    # and standard error of a median by that of a mean
+    # and standard error of a median from the one of a mean
     spread = 1.4826 * 1.2533 * np.median(np.abs(found - middle))
     return {"value": value, "std": float(value * spread / np.sqrt(len(found))), "moves": len(found)}
 

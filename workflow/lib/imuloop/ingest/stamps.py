@@ -1,7 +1,7 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ def parse_stamps(text):
     series = pc.utf8_trim_whitespace(text).to_pandas()
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
-        # whole numbers beside a few unreadable ones keep all their digits
+        # whole numbers keep all their digits if a few others are unreadable
         number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
         return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
     clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
@@ -94,21 +94,24 @@ def stamp_values(column):
         return np.zeros(len(column), dtype=np.int64), np.zeros(len(column), dtype=bool), True
     readable = column.is_valid().to_numpy(zero_copy_only=False)
     column = column.cast(pa.int64()) if absolute else column
-    values = column.fill_null(0).to_numpy(zero_copy_only=False)
+    column = column.fill_null(0) if column.null_count else column
+    values = column.to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
     else:
         readable = readable & (values > -MOST) & (values < MOST)
-    return np.where(readable, values, values.dtype.type(0)), readable, absolute
+    if not readable.all():
+        values = np.where(readable, values, values.dtype.type(0))
+    return values, readable, absolute
 
 
 def no_stamps(column, name):
     """Return the error of a time column that holds no stamp: of the log, else of the config."""
-    known = column.drop_null()
-    if pa.types.is_floating(known.type):
-        known = known.filter(pc.invert(pc.is_nan(known)))
+    known = column.to_pandas().dropna()
     if len(known):
-        why = f"its stamps, as {known[0]}, are too large, or dates outside of the years {YEARS}"
+        why = (
+            f"its stamps, as {known.iloc[0]}, are too large, or dates outside of the years {YEARS}"
+        )
         return RejectedLog(f"time column '{name}': {why}")
     if isinstance(name, list):
         why = "are not whole seconds and a part of a second; name one of them"
@@ -122,17 +125,14 @@ def no_stamps(column, name):
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
     try:
-        moment = datetime.fromisoformat(str(value))
+        moment = pd.Timestamp(datetime.fromisoformat(str(value)))
     except ValueError as error:
         raise ImuloopError(f"time_range: '{value}' is no ISO 8601 stamp") from error
-    since = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - datetime.fromtimestamp(
-        0, UTC
-    )
-    return since // timedelta(microseconds=1) * 1000
+    return (moment if moment.tzinfo else moment.tz_localize("UTC")).as_unit("ns").value
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
-    """Return a stamp as nanoseconds since 1970, or None where it is no date.
+    """Return a stamp as nanoseconds since 1970, or None where it is not a date.
 
     Numbers count as Unix time where that puts them between 2000 and 2100.
     """

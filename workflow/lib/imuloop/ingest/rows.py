@@ -1,0 +1,210 @@
+"""The rows of a log as arrays, and the one clock that says when each of them was sampled."""
+
+import numpy as np
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS, TEMPERATURE
+from imuloop.core.units import TIME as TIME_SCALES
+from imuloop.ingest import increments, pps
+from imuloop.ingest.clocks import Clock
+from imuloop.ingest.columns import STAMP
+from imuloop.ingest.even_stamps import even_samples, packet_step, spread
+from imuloop.ingest.spellings import unknown_unit
+from imuloop.ingest.stamps import (
+    NANOSECONDS,
+    absolute_nanoseconds,
+    check_unit,
+    iso_nanoseconds,
+    no_stamps,
+    stamp_values,
+)
+
+
+class Rows:
+    """All rows of a log, and when they were sampled; arrays are (n,).
+
+    Attributes
+    ----------
+    log, units, declared : RawLog, dict, Declared
+        The log as it was read, its units by quantity, and the keys of the config about it.
+    values : dict of str to array
+        The six axes and the temperature as logged; 0 for a sensor that the log lacks.
+    stamps : dict of str to tuple
+        Columns of time stamps as `stamp_values` gives them.
+    stamped, dates : bool
+        Whether the log holds time stamps, and whether these are ns since 1970.
+    tick : int or None
+        Nanoseconds per unit of time stamps that may roll over; None for dates.
+    same : array of bool
+        Rows that repeat the one before in time stamp and all values.
+    x, usable, before : array
+        Time stamps as mended, or numbers of the rows, of `scale` s each, which of them can be used,
+        and the newest one before each row, in the first one less than `origin`.
+    clock : Clock
+        What was mended.
+    timeline : Timeline or None
+        GNSS time over the local counter; `x` is in s then.
+    even, packets : Even and tuple or None
+        How time stamps were rebuilt, as in `even_stamps`.
+    logged : array or None
+        Times as stamped, s, if they were rebuilt.
+    repeats : int
+        Number of rows with the time stamp of another one.
+    """
+
+    timeline = even = packets = logged = None
+    repeats = 0
+
+    def __init__(self, log, units, declared):
+        self.log, self.units, self.declared = log, units, declared
+        count, unit = log.batch.num_rows, units["time"]
+        self.clock, self.values = Clock(), dict.fromkeys(CHANNELS, np.zeros(count))
+        self.stamps = {}
+        for name in log.batch.schema.names:
+            if name in (*CHANNELS, TEMPERATURE):
+                self.values[name] = log.batch[name].to_numpy(zero_copy_only=False)
+            else:
+                self.stamps[name] = stamp_values(log.batch[name])
+        self.stamped = STAMP in self.stamps
+        every = np.arange(count), np.ones(count, dtype=bool), False
+        self.x, self.usable, self.dates = self.stamps.get(STAMP, every)
+        if self.stamped and count and not self.usable.any():
+            raise no_stamps(log.batch[STAMP], log.found["time"])
+        if self.stamped and not self.dates and unit not in TIME_SCALES:
+            if "time" not in declared.units:
+                raise unknown_unit("time", unit)
+            name, known = log.found["time"], ", ".join(TIME_SCALES)
+            raise ImuloopError(
+                f"units.time is ISO 8601, but column '{name}' holds numbers; use one of {known}"
+            )
+        if count and not (self.stamped or declared.rate):
+            raise ImuloopError(
+                f"the log has no time column of a usual name ({log.columns}); "
+                "name it in columns.time, or give rate in Hz"
+            )
+        self.tick = None if self.dates else NANOSECONDS.get(unit)
+        self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
+        if not self.stamped:
+            self.scale = 1 / (declared.rate or 1.0)
+        self.same = np.zeros(count, dtype=bool)
+        at = np.flatnonzero((self.x[1:] == self.x[:-1]) & self.usable[1:]) + 1
+        for column in self.values.values():
+            one, other = column[at], column[at - 1]
+            at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
+        self.same[at] = True
+
+    @property
+    def number(self):
+        """Number of the sample of each row; a row that is written twice is one."""
+        number = np.arange(len(self.x))
+        return number - self.same.cumsum() if self.same.any() else number
+
+    @property
+    def origin(self):
+        """The first time stamp."""
+        return self.x[self.usable.argmax()].item()
+
+    @property
+    def inside(self):
+        """Rows within the time range that do not repeat the one before."""
+        if not self.declared.time_range:
+            return ~self.same
+        start, end = _window(self.declared.time_range, self.moment(self.origin))
+        # a row without a time stamp lies where the log has got to
+        elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
+        return (elapsed >= start) & (elapsed < end) & ~self.same
+
+    @property
+    def time_unit(self):
+        """Unit of the time stamps, in words."""
+        if not self.stamped:
+            return f"1/({self.declared.rate:g} Hz)"
+        unit = "ISO 8601" if self.dates else self.units["time"]
+        return f"{unit}, by 1PPS" if self.timeline else unit
+
+    def times(self, keep):
+        """Return the time of some rows from the first of them on, s, as stamped."""
+        x = self.x[keep]
+        return (x - x[:1].sum()) * self.scale
+
+    def moment(self, stamp):
+        """Return a time stamp as ns since 1970; None if it is not a date."""
+        if self.timeline:
+            return self.timeline.moment(stamp)
+        unit = self.units["time"]
+        return absolute_nanoseconds(stamp, unit, self.dates) if self.stamped else None
+
+    # values and stamps of a broken log can be of any size
+    @np.errstate(over="ignore", invalid="ignore")
+    def find_clock(self, marks_file=None):
+        """Mend the time stamps, and make them GNSS time or even where they can be.
+
+        Time stamps that roll over, start again or stray are mended. A counter is made GNSS time by
+        1PPS marks, of the log or in `marks_file`. The time stamps of a sensor that samples evenly
+        are made even.
+        """
+        x = self.x
+        if self.stamped:
+            x, self.usable = self.clock.mended(x, self.usable, self.tick)
+        self._put_on(x)
+        if self.declared.pps or marks_file:
+            self.timeline = pps.find_timeline(self, marks_file)
+            self.scale = 1.0
+            self._put_on(np.where(self.usable, self.timeline.at(x), 0.0))
+        elif self.stamped:
+            if not self.dates:
+                check_unit(self.origin, self.units["time"])
+            self._make_even()
+
+    def _put_on(self, x):
+        """Put the rows on a clock: set their time stamps, (n,), and the newest one before each."""
+        self.x, known = x, x
+        if not self.usable.all():
+            known = np.where(self.usable, x, self.origin - 1)
+        self.before = np.empty_like(x)
+        self.before[0] = self.origin - 1
+        np.maximum.accumulate(known[:-1], out=self.before[1:])
+        np.maximum(self.before, self.before[0], out=self.before)
+
+    def _make_even(self):
+        """Make the time stamps even if the sensor samples evenly, or spread the rows of packets."""
+        whole = self.usable & self.inside
+        for name in CHANNELS:
+            whole &= np.isfinite(self.values[name])
+        new = whole & (self.x > self.before)
+        if increments.are_by_stamps(self):
+            # the interval of the first increment is not known
+            new &= self.before >= self.origin
+        if not new.any():
+            return
+        repeats = np.count_nonzero(whole & (self.x == self.before))
+        # whole columns need no copy
+        new = slice(None) if new.all() else new
+        number, t = self.number[new], self.times(new)
+        packets, even = packet_step(number, t, repeats), None
+        if not self.clock.resets:
+            turn_rate = [self.values[name][new] for name in ANGULAR_RATE]
+            summed = bool(increments.factors(self.units))
+            even = even_samples(number, t, turn_rate, packets, self.declared.rate, summed)
+        if packets and not even:
+            step, is_last = packets
+            self._put_on(spread(self.x, self.usable & ~self.same, step / self.scale, is_last))
+        if packets or even:
+            self.even, self.packets, self.logged, self.repeats = even, packets, t, repeats
+
+
+def _window(time_range, first):
+    """Return the crop in seconds from the log's first stamp, which is `first` ns since 1970."""
+    limits = [-np.inf, np.inf]
+    for i, value in enumerate(time_range or ()):
+        if isinstance(value, (int, float)):
+            limits[i] = float(value)
+        elif value is not None and first is None:
+            raise ImuloopError(
+                f"time_range: '{value}' is a date, but the log's stamps are not; give seconds"
+            )
+        elif value is not None:
+            limits[i] = (iso_nanoseconds(value) - first) * 1e-9
+    if not limits[0] < limits[1]:
+        raise ImuloopError(f"time_range: the start {limits[0]:g} s is not before the end")
+    return limits
