@@ -77,6 +77,16 @@ def gait():
     return log
 
 
+def about_x():
+    """A log that is turned about x alone."""
+    t = np.arange(6000) / 100
+    angle = 1.2 * np.sin(2 * np.pi * t / 6) * (t > 6)
+    log = brief(6000).assign(ax=0.0, ay=9.8 * np.sin(angle), az=9.8 * np.cos(angle), gy=0.0, gz=0.0)
+    log["gx"] = np.gradient(angle, t)
+    log[ALL] += np.random.default_rng(1).normal(size=(6000, 6)) * 0.02
+    return log
+
+
 def between_two_levels():
     """Noise far below the step: stretches of thousands of samples at one value are its nature."""
     rng = np.random.default_rng(4)

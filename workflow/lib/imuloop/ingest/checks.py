@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.errors import plural
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
+from imuloop.core.samples import ACCELERATION, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import plausible
@@ -26,16 +26,16 @@ UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = range(5)
 
 # a log with fewer samples, or shorter, s, holds no rest worth a mean
 LEAST_ROWS, LEAST_DURATION = 100, 2.0
-# a channel that changes by less in a whole log is none: a thousandth of the best sensors' noise, SI
-LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
+# a thousandth of the best sensors' noise: smaller changes overflow the squares of their inverse, SI
+LEAST_CHANGE = 1e-12
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE, USUAL_RATE = (0.05, 1e5), 1e4
 # what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
 PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
-# on average no sensor at rest shows more, and no hand turns faster, rad/s
-PLAUSIBLE_REST, PLAUSIBLE_MEAN_RATE = 1.0, 10.0
+# largest bias of a gyroscope, and fastest turns by hand on average, rad/s
+MOST_BIAS, MOST_MEAN_RATE = 1.0, 10.0
 # a static session rests for this share of its time; its gravity turns by less than no drift of a
 # bias makes, 0.15 g, rad
 LEAST_REST, MOST_TILT = 0.5, 0.15
@@ -116,30 +116,16 @@ def _lost_text(e):
 
 
 def _rate(e):
-    """Return which units of the stamps would make an impossible rate plausible, in words."""
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
-    if e.figures["rows"] < LEAST_ROWS or low <= (rate or low) <= high:
-        return None
-    return _units_that_fit(e) or "."
+    return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
 
-def _short(e):
-    """Return which units of the stamps would make a short log a longer one, in words, or a dot."""
-    unlikely = e.figures["rate_hz"] > USUAL_RATE and _units_that_fit(e)
-    return e.figures["duration_s"] < LEAST_DURATION and (unlikely or ".")
-
-
-def _units_that_fit(e):
-    """Return which units of the stamps would make the rate a usual one, in words."""
+def _units(e):
+    """Return which units of the time stamps would make the rate a usual one, in words, or a dot."""
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= USUAL_RATE]
-    return fits and f": the stamps look like {' or '.join(fits)}; declare units.time: {fits[0]}"
-
-
-def _in_turn(e):
-    rows, turns = e.figures["rows"], e.faults["in_turn"]
-    both = min(turns.values(), default=0) > MOST_DROPPED * rows
-    return both and sum(turns.values()) > 0.9 * rows and listed(turns)
+    words = f": the stamps look like {' or '.join(fits)}; declare units.time: {(*fits, '')[0]}"
+    return words if fits and e.counts.time_unit not in fits else "."
 
 
 def _failed_reads(e):
@@ -148,36 +134,21 @@ def _failed_reads(e):
     return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
-def _unresolved(e):
-    ranges = {n: np.ptp(e.figures["range"][n] or 0.0) for n in LEAST_CHANGE}
-    return [f"{n} changes by {x:.3g}" for n, x in ranges.items() if 0 < x < LEAST_CHANGE[n]]
-
-
 def _wraps(e, least):
     found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
     return max(found.values(), default=0) >= least and listed(found, "{} {} times")
 
 
-def _rests(e, condition):
-    """Return what the rests of a log show, angles in degrees too, if a condition on them holds."""
-    rests, angles = e.faults["rests"], ("turned", "change", "gap_turn")
-    found = rests and condition(rests)
-    return found and rests | {f"{name}_deg": rests[name] / DEGREE for name in angles}
-
-
-def _moves(rests):
-    """Return whether the device is turned over, rests too little, or turns to and fro."""
-    # a step of the force without a turn is of the sensor
+def _motion(e):
+    """Return the figures of rests, with angles in degrees, if a static session moves."""
+    rests = e.faults["rests"]
+    if not rests or e.kind != "static":
+        return None
+    # a step of the force without a turn is a fault of the sensor
     tilts = rests["turned"] > max(MOST_TILT, 2 * rests["jump_m_s2"] / rests["force"][1])
     restless = rests["share"] < LEAST_REST or (rests["change_share"] or 0) > MOST_CHANGE_SHARE
-    return tilts or (restless and rests["change"] > MOST_CHANGE)
-
-
-def _fast(e):
-    mean, most = e.figures["mean_angular_rate"], PLAUSIBLE_MEAN_RATE
-    degrees = e.units["angular_rate"].name == "rad/s" and mean * DEGREE < most
-    what = f"{'turn by hand' if mean > most else 'bias'}{', perhaps deg/s' if degrees else ''}"
-    return mean > (PLAUSIBLE_REST if e.kind == "static" else most) and what
+    degrees = {f"{name}_deg": rests[name] / DEGREE for name in ("turned", "change")}
+    return (tilts or (restless and rests["change"] > MOST_CHANGE)) and rests | degrees
 
 
 def _temperature(e):
@@ -210,8 +181,6 @@ CHECKS = [
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
     Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),
-    Check("sensors in turn", UNREADABLE, _in_turn, "exactly zero on all axes, in turn: {} rows",
-          "leave the fields of the other sensor empty, or write a log for each sensor"),
     Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
           "those between: failed reads", "look at the bus, the driver and the read rate"),
     # what cannot be used
@@ -223,42 +192,44 @@ CHECKS = [
           "no row", _LOST, "rows"),
     Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
           f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
-    Check("short log", UNUSABLE, _short, "the log lasts {duration_s:.3g} s, at least "
-          f"{LEAST_DURATION:g} s needed{{}}", about="length"),
+    Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION and _units(e),
+          f"the log lasts {{duration_s:.3g}} s, at least {LEAST_DURATION:g} s needed{{}}",
+          about="length"),
     Check("dead accelerometer", UNUSABLE, lambda e: {*ACCELERATION} <= {*e.figures["constant"]},
           "the acceleration never changes: the sensor was not read"),
-    Check("unresolved change", UNUSABLE, _unresolved, "{} in the whole log, which no sensor "
-          "resolves", "see units.acceleration and units.angular_rate"),
+    Check("unresolved change", UNUSABLE, lambda e: [n for n in CHANNELS if 0 <
+          np.ptp(e.figures["range"][n] or 0.0) < LEAST_CHANGE], "{}: changing by less in the whole "
+          "log than any sensor resolves", "see units.acceleration and units.angular_rate"),
     # what is not as declared: faults and gravity are known
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
-          "overflow force rate gap rest"),
+          "overflow force rate"),
     Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
           "overflow jump"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
-          "force rate gap"),
-    Check("turn in a gap", DOUBTFUL, lambda e: _rests(e, lambda r: r["gap_turn"] > MOST_TILT),
-          "gravity turns by {gap_turn_deg:.0f}° within the gap at {gap_s:.6g} s: the device was "
-          "turned while nothing was logged, and this turn is left out", about="gap"),
+          "force rate"),
     Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
           "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
           "logs were joined", "crop it with time_range", "force jump"),
-    Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
+    Check("unit of force", MISDECLARED, lambda e: plausible.cause(e, "acceleration"), "{}",
+          about="force"),
     Check("size of force", DOUBTFUL, plausible.size_of_force,
           "{}see units.acceleration and nominal.acceleration", about="force"),
-    Check("unit of rate", MISDECLARED, plausible.unit_of_rate, "{}",
+    Check("unit of rate", MISDECLARED, lambda e: plausible.cause(e, "angular_rate"), "{}",
           "or the log's rate is off by as much", "rate"),
-    Check("size of rate", DOUBTFUL, _fast, "the mean angular rate is {mean_angular_rate:.4g} "
-          "rad/s, too much for a {}", "see units.angular_rate", "rate"),
+    Check("size of rate", DOUBTFUL, lambda e: e.figures["mean_angular_rate"] >
+          (MOST_BIAS if e.kind == "static" else MOST_MEAN_RATE), "the mean angular rate is "
+          "{mean_angular_rate:.4g} rad/s, too much for a bias or a turn by hand",
+          "see units.angular_rate", "rate"),
     Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}", "see units.angular_rate and "
           "nominal.angular_rate; or the log's rate is off by as much", "rate"),
-    Check("motion", MISDECLARED, lambda e: e.kind == "static" and _rests(e, _moves),
+    Check("motion", MISDECLARED, _motion,
           "the device rests for {share:.0%} of the time, its mean angular rate changes by "
           "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
           "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
     # what a user should look at
-    Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n in CHANNELS],
-          "never changing: {}"),
+    Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n != TEMPERATURE
+          or e.figures["duration_s"] >= CONSTANT_TEMPERATURE], "never changing: {}"),
     Check("full scale", WARNING, lambda e: listed(e.figures["clipped"]),
           "samples at the end of the full scale: {}", _SLOWER),
     Check("gaps", WARNING, lambda e: e.figures["gaps"]["count"] and
@@ -292,10 +263,7 @@ CHECKS = [
           "{}: see columns.acceleration and columns.angular_rate"),
     Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
           "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
-          "see units.temperature", "warmth"),
-    Check("constant temperature", WARNING, lambda e: TEMPERATURE in e.figures["constant"] and
-          e.figures["duration_s"] >= CONSTANT_TEMPERATURE, "temperature is "
-          "{range[temperature][0]:.5g} degC throughout: not read, or too coarse", about="warmth"),
+          "see units.temperature"),
     # one axis in two places fits nowhere
     Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
           mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
@@ -304,6 +272,8 @@ CHECKS = [
 ]  # fmt: skip
 
 
+# a broken log may have a specific force of zero
+@np.errstate(all="ignore")
 def findings(evidence):
     """Return the lines of the checks that find something, {severity: list of str}.
 

@@ -307,7 +307,6 @@ def _drop_absent(absent, figures):
     figures["range"] |= dict.fromkeys(axes)
     if faults:
         faults["zero_rows"][absent] = 0
-        faults["in_turn"] = dict.fromkeys(SENSORS, 0)
         # a change of the force is no fault where turns are not seen
         if absent == "angular_rate" and faults["rests"]:
             faults["rests"]["jump_m_s2"] = 0.0

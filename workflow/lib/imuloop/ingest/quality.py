@@ -158,7 +158,6 @@ def _faults(columns, names, zeros, figures):
     padding = zero[0], zero[0] & zero[1]
     faults = {
         "zero_rows": dict(zip(QUANTITIES, map(np.count_nonzero, padding), strict=True)),
-        "in_turn": {q: np.count_nonzero(zero[k] & ~zero[1 - k]) for k, q in enumerate(QUANTITIES)},
         "copies": [
             [one, other]
             for one, other in combinations(names, 2)

@@ -111,7 +111,6 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     i, j = at[:-1], at[1:]
     i, j = i[j - i <= WINDOWS_BETWEEN + 1], j[j - i <= WINDOWS_BETWEEN + 1]
     row = gap_row(i, j)
-    in_gap = np.where(row >= 0, angle_between(u[:, i], u[:, j]), 0.0)
     speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * step / scale
     turned = sums_over(speed, np.column_stack([i, j + 1])) * size[i]
     jump = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
@@ -129,8 +128,6 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
         "turn_ratio": ratio,
         "jump_m_s2": float(jump.max()),
         "jump_s": float(t[j[jump.argmax()] * width]),
-        "gap_turn": float(in_gap.max()),
-        "gap_s": float(t[row[in_gap.argmax()]]) if in_gap.any() else None,
         "change": float(np.sqrt(change)),
         "change_share": float(change / white) if white > 0 else None,
     }
