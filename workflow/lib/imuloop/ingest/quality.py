@@ -1,6 +1,6 @@
-"""How good a log is, in figures: steps of time, gaps, ranges, and the faults of its channels.
+"""The quality figures of a log: steps of time, gaps, ranges, and the faults of its channels.
 
-What the figures mean for the user is said by the table of `checks`.
+The table of `checks` says what the figures mean for the user.
 """
 
 from itertools import combinations
@@ -30,7 +30,7 @@ from imuloop.ingest.rests import measure_turns
 LISTED_GAPS = 50
 # samples at this share of the declared full scale and beyond are clipped
 CLIPPED_SHARE = 0.98
-# a gap that a device may be turned in is longer, s
+# shortest gap in which a device may be turned, s
 TURN_GAP = 0.2
 # no sensor is faster, Hz: stamps of a damaged file may lie 1e-300 s apart
 FASTEST = 1e9
@@ -41,7 +41,7 @@ FASTEST = 1e9
 def measure(columns, raw_units, full_scale=None):
     """Return the quality figures of samples, as in quality.json.
 
-    The figures of a sensor with a slower clock of its own are by its own samples.
+    The figures of a sensor with a slower clock use the rows with its new samples.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def measure(columns, raw_units, full_scale=None):
     Returns
     -------
     dict
-        None stands for what the rows cannot give. ``isolated`` holds the rows and the channel
+        A figure is None if the rows do not give it. ``isolated`` holds the rows and the channel
         numbers of the spikes to be dropped, two arrays (k,).
     """
     t, scales = columns[TIME], full_scale or {}
@@ -88,7 +88,7 @@ def measure(columns, raw_units, full_scale=None):
 
 
 def _mean_size(columns, axes):
-    """Return the mean magnitude of the vectors of some columns, None without rows."""
+    """Return the mean magnitude of the vectors in the columns `axes`, None if there are no rows."""
     size = np.sqrt(sum(columns[name] ** 2 for name in axes))
     return float(size.mean()) if len(size) else None
 
@@ -125,7 +125,7 @@ def _range(x):
 
 def quantisation_step(x):
     """Return the smallest step between values of a channel, None where most are distinct."""
-    # a part of a long log shows it
+    # the first part of a long log is enough
     x = x[:ROWS][np.isfinite(x[:ROWS])]
     levels = np.sort(pd.unique(x))
     if not 2 <= len(levels) <= len(x) / 2:
@@ -137,24 +137,26 @@ def quantisation_step(x):
 
 
 def _faults(columns, names, zeros, figures):
-    """Return the figures ``faults``, ``isolated`` and, of two clocks, ``slower`` of samples.
+    """Return the figures ``faults``, ``isolated`` and, with two clocks, ``slower`` of samples.
 
-    `names` are the channels among the `columns`, `zeros` the values that zero counts have, and
+    `names` are the channels among the `columns`, `zeros` the values of zero counts by channel, and
     `figures` the other quality figures.
     """
     t, x = columns[TIME], {name: columns[name] for name in names}
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
     # the rows with a new sample of each sensor, and its rate
-    rows, rates, added = dict.fromkeys(SENSORS, slice(None)), {}, {}
+    rows, rates = dict.fromkeys(SENSORS, slice(None)), dict.fromkeys(SENSORS, figures["rate_hz"])
+    added = {}
     groups = [(slice(None), CHANNELS)]
     for sensor in (each for each, stamps in OWN_TIME.items() if stamps in columns):
         rows[sensor] = first = own_rows(columns[OWN_TIME[sensor]])
-        rates[sensor] = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
-        added["slower"] = {"sensor": sensor, "rate_hz": rates[sensor], "rows": len(first)}
+        rate = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
+        added["slower"] = {"sensor": sensor, "rate_hz": rate, "rows": len(first)}
+        rates[sensor] = rate or figures["rate_hz"]
         groups = [(slice(None), SENSORS[other_sensor(sensor)]), (first, SENSORS[sensor])]
     single = np.hstack([_isolated(x, steps, *group) for group in groups])
     zero = [np.all([x[n] == zeros[n] for n in axes], axis=0) for axes in SENSORS.values()]
-    # a gyroscope at rest may well show three zeros; an accelerometer never does
+    # a gyroscope at rest may show three zeros, an accelerometer never does
     padding = zero[0], zero[0] & zero[1]
     faults = {
         "zero_rows": dict(zip(QUANTITIES, map(np.count_nonzero, padding), strict=True)),
@@ -167,7 +169,7 @@ def _faults(columns, names, zeros, figures):
         "silent_at_rest": [],
     } | {name: {} for name in ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")}
     for k, (sensor, (quantity, axes)) in enumerate(zip(SENSORS, QUANTITIES.items(), strict=True)):
-        at, rate = rows[sensor], rates.get(sensor) or figures["rate_hz"]
+        at, rate = rows[sensor], rates[sensor]
         if padding[k].any():
             x |= {name: np.where(padding[k], np.nan, x[name]) for name in axes}
         channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
@@ -189,7 +191,7 @@ def _faults(columns, names, zeros, figures):
         faults["clipped_at"] |= clipped
         faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
         faults["silent_at_rest"] += silent
-        # where an integer wraps around nothing is known of a turn
+        # the values at a wrap of an integer are wrong
         for name, before in wraps.items():
             if len(before):
                 x[name] = x[name].copy()
@@ -198,16 +200,16 @@ def _faults(columns, names, zeros, figures):
         faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
     long = np.diff(t)
     gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"], TURN_GAP))
-    # where single rows are lost fewer come in a second than the usual step says
+    # lost rows make the mean rate less than the usual step says
     rate = (len(t) - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
     faults["axes"], faults["rests"] = measure_turns(x, np.fmin(rate, FASTEST), t, gaps)
     return {"faults": faults, "isolated": single} | added
 
 
 def _isolated(x, steps, at, names):
-    """Return rows and channel numbers of the spikes of some channels, (2, k).
+    """Return the rows and the channel numbers of the spikes in the channels `names`, (2, k).
 
-    `at` are the rows with a new sample. A spike is in all rows that hold it.
+    `at` are the rows with a new sample. A spike counts in all rows that hold it.
     """
     found = spikes.isolated([x[n][at] for n in CHANNELS], [steps[n] for n in CHANNELS])
     edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
@@ -217,7 +219,7 @@ def _isolated(x, steps, at, names):
 
 
 def _stuck(runs, t, rate):
-    """Return how often, for how many rows, how long at most and when a channel was stuck."""
+    """Return the figure ``stuck`` of a channel by its stuck runs, (first row, rows) each."""
     spans = [[t[i].item(), t[i + n - 1].item()] for i, n in runs]
     return {
         "stretches": len(runs),
@@ -231,8 +233,9 @@ def _stuck(runs, t, rate):
 def rails(figures, full_scale=None):
     """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
 
-    A value there may be any beyond it. The ends are those of the declared `full_scale`, else the
-    repeated extreme values among the `figures`; None for an end that is not reached.
+    The true value of such a sample lies at the end or beyond. The ends are the declared
+    `full_scale`, else the repeated extreme values in the `figures`; None for an end that no sample
+    reaches.
     """
     ends, found = {}, figures["faults"].get("clipped_at", {})
     for name, limits in figures["range"].items():
@@ -245,6 +248,6 @@ def rails(figures, full_scale=None):
 
 
 def stuck(figures):
-    """Return the spans in which a channel keeps one value, (n, 2) s: it shows nothing."""
+    """Return the time spans in which a channel is stuck, a list of [first, last], s."""
     each = figures["faults"].get("stuck", {}).values()
     return sorted(span for channel in each for span in channel["spans_s"])
