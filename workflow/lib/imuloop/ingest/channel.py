@@ -13,8 +13,8 @@ import pandas as pd
 # rows of a block, and quantisation steps that noise spans in a block of a fine channel: noise
 # within two steps is below the step
 BLOCK, SPAN = 128, 2.5
-# rows of a run that is stuck: this many, and this many times those of the next shorter run. At
-# least `FEWEST` runs are needed to tell what is usual
+# least rows of a stuck run, in all and as a multiple of the rows of the next shorter run. At
+# least `FEWEST` runs show the usual length
 LEAST_STUCK, STUCK_FACTOR, FEWEST = 10, 5, 50
 # quantisation steps to a value that is far away; rows of a run between such values that is a flat
 # top
@@ -136,7 +136,7 @@ def saturation(channels, rate):
 def silent(channels, force):
     """Return the names of channels that never change in nearly all quiet blocks.
 
-    `channels` are those of a sensor by name. `force` are the samples of the three channels of the
+    `channels` are a sensor's channels by name. `force` are the samples of the three channels of the
     accelerometer, (n,) each: the half of the blocks with the smaller variance is quiet.
     """
     power = sum(np.var(blocks(x), axis=1) for x in force)
@@ -153,7 +153,10 @@ def silent(channels, force):
 
 
 def rows_a_value(channels):
-    """Return how many rows a sensor holds each value, 1 if it does not; `channels` are a list."""
+    """Return the number of rows for which a sensor holds each value, 1 if it does not hold them.
+
+    `channels` are a list of its channels.
+    """
     changed = np.any([c.x[1:] != c.x[:-1] for c in channels], axis=0)
     lengths = np.diff(np.flatnonzero(changed))
     if len(lengths) < FEWEST:

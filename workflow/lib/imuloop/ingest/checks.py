@@ -1,7 +1,7 @@
-"""The table of checks: what is wrong with a log, how bad it is, and what to do.
+"""The table of checks: the faults of a log, how bad each is, and the remedies.
 
-A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log and returns nothing where
-all is well. Else it returns what the message needs: a text, a number, a list of texts, or values by
+A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log. It returns a false value
+if all is well, else the values in the message: a text, a number, a list of texts, or values by
 name. Message and remedy may also name the quality figures, as in ``{rate_hz:.4g}``.
 """
 
@@ -20,8 +20,8 @@ from imuloop.ingest.axes import mapping_words
 from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
 
-# how bad a finding is: of the log nothing else can be said; it cannot be used; it is not what is
-# declared; it may not be what is declared; a user should look at it
+# how bad a finding is: the log cannot be read, and no other check holds; it cannot be used; it
+# contradicts its declaration; it may contradict it; a user should look at it
 UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = range(5)
 
 # a log with fewer samples, or shorter, s, holds no rest worth a mean
@@ -32,7 +32,7 @@ LEAST_CHANGE = 1e-12
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE, USUAL_RATE = (0.05, 1e5), 1e4
-# what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
+# temperatures of an IMU, degC, and longest time for which they may stay the same, s
 PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
 # largest bias of a gyroscope, and fastest turns by hand on average, rad/s
 MOST_BIAS, MOST_MEAN_RATE = 1.0, 10.0
@@ -49,11 +49,11 @@ LEAST_WRAPS, MOST_WRAPS = 3, 20
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a log: its quality figures, counts of rows, and what is declared of it.
+    """A log for the checks: its quality figures, the counts of its rows, and its declaration.
 
-    `units` are the `RawUnit` of each sensor, `gravity` is in m/s^2, None without an accelerometer,
-    `kind` is what was done with the device, `nominal` are the scales of counts by quantity, and
-    `rate` is the declared one, Hz.
+    `units` are the `RawUnit` of each sensor by quantity. `gravity` is in m/s^2, None if the log
+    lacks the acceleration. `kind` is the kind of session, such as "static", `nominal` the scales of
+    counts by quantity, and `rate` the declared rate, Hz.
     """
 
     figures: dict
@@ -72,14 +72,14 @@ class Evidence:
 
     @property
     def inside(self):
-        """The number of rows in the time range, with lines that are no row."""
+        """The number of rows in the time range, plus the lines that cannot be read."""
         counts = self.counts
         return counts.read - counts.outside - counts.identical + self.log.bad_lines
 
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table. Of the checks about one subject the first that finds something counts."""
+    """A row of the table; among checks about the same subject the first finding counts."""
 
     name: str
     severity: int
@@ -90,7 +90,7 @@ class Check:
 
 
 def listed(by_name, text="{0} {1}"):
-    """Return a text for each channel or sensor whose count, or rows, are not zero."""
+    """Return a text for each channel or sensor whose count, or number of ``rows``, is not zero."""
     counts = {n: each["rows"] if isinstance(each, dict) else each for n, each in by_name.items()}
     return [text.format(name, by_name[name]) for name, count in counts.items() if count]
 
@@ -157,8 +157,8 @@ def _temperature(e):
 
 
 def _saturated(e):
-    found = e.faults["clipped_at"].items()
-    return listed({n: f for n, f in found if not e.figures["clipped"][n]}, "{0} {1[rows]} samples")
+    rows = {name: found["rows"] for name, found in e.faults["clipped_at"].items()}
+    return listed({name: n or rows.get(name, 0) for name, n in e.figures["clipped"].items()})
 
 
 def _held(e):
@@ -166,13 +166,12 @@ def _held(e):
 
 
 _LOST = f"at most {MOST_DROPPED:.0%} may be lost"
-_SLOWER = "rests, turns and moves with them are left out: choose a wider range or turn more slowly"
 _WRAP = "an integer that wraps around from one end of its range to the other: {}"
 _WIDEN = "widen it in the logger, or choose a wider full scale"
 _STILL = "a static session lies still: declare another kind, or crop it with time_range"
 
 CHECKS = [
-    # what cannot be read
+    # the log cannot be read
     Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
     Check("gravity as rate", UNREADABLE, lambda e: e.counts.is_gravity,
           "the columns of the angular rate hold gravity: vectors of constant length along the "
@@ -180,10 +179,10 @@ CHECKS = [
     Check("two units", UNREADABLE, lambda e: e.counts.in_two_units,
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
-    Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),
+    Check("rate", UNREADABLE, _rate, "no IMU has a rate of {rate_hz:.3g} Hz{}"),
     Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
           "those between: failed reads", "look at the bus, the driver and the read rate"),
-    # what cannot be used
+    # the log cannot be used
     Check("time range", UNUSABLE, lambda e: not e.inside and e.counts.read,
           "none of the log's {} rows lies in the time range", about="rows length"),
     Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
@@ -200,7 +199,7 @@ CHECKS = [
     Check("unresolved change", UNUSABLE, lambda e: [n for n in CHANNELS if 0 <
           np.ptp(e.figures["range"][n] or 0.0) < LEAST_CHANGE], "{}: changing by less in the whole "
           "log than any sensor resolves", "see units.acceleration and units.angular_rate"),
-    # what is not as declared: faults and gravity are known
+    # contradictions to the declaration: these checks need the faults and gravity
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
           "overflow force rate"),
     Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
@@ -209,8 +208,8 @@ CHECKS = [
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
           "force rate"),
     Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
-          "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
-          "logs were joined", "crop it with time_range", "force jump"),
+          "changes by {jump_m_s2:.3g} m/s^2 without a turn: its scale or bias changed, or logs "
+          "were joined", "crop it with time_range", "force jump"),
     Check("unit of force", MISDECLARED, lambda e: plausible.cause(e, "acceleration"), "{}",
           about="force"),
     Check("size of force", DOUBTFUL, plausible.size_of_force,
@@ -227,18 +226,16 @@ CHECKS = [
           "the device rests for {share:.0%} of the time, its mean angular rate changes by "
           "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
           "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
-    # what a user should look at
+    # faults that a user should look at
     Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n != TEMPERATURE
           or e.figures["duration_s"] >= CONSTANT_TEMPERATURE], "never changing: {}"),
-    Check("full scale", WARNING, lambda e: listed(e.figures["clipped"]),
-          "samples at the end of the full scale: {}", _SLOWER),
     Check("gaps", WARNING, lambda e: e.figures["gaps"]["count"] and
           plural(e.figures["gaps"]["count"], "gap"), "{}, {gaps[total_s]:.4g} s together"),
     Check("declared rate", WARNING, lambda e: e.rate and e.figures["rate_hz"] and
           abs(e.figures["rate_hz"] / e.rate - 1) > 0.02 and f"{e.rate:g}",
           "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
     Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
-          "lines that are no row shorten a log without stamps by one step each"),
+          "each lost line shortens a log without stamps by one step"),
     Check("identical rows", WARNING, lambda e: e.counts.identical,
           "{} rows identical to the one before, stamp and values: dropped, nothing is lost"),
     Check("spikes", WARNING, lambda e: listed(e.counts.spike_values),
@@ -256,8 +253,8 @@ CHECKS = [
           "a step too coarse, or firmware that holds the value: no noise or bias can be known"),
     Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
           "spikes of a single sample: {}", "check the wiring and the logger"),
-    Check("saturation", WARNING, _saturated, "clipped at a repeated extreme value: {}",
-          f"{_SLOWER}, and declare full_scale"),
+    Check("saturation", WARNING, _saturated, "samples at the end of the range: {}", "rests, turns "
+          "and moves with them are left out: choose a wider range or turn more slowly"),
     Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
           "{}: see columns.acceleration and columns.angular_rate"),
@@ -277,7 +274,7 @@ CHECKS = [
 def findings(evidence):
     """Return the lines of the checks that find something, {severity: list of str}.
 
-    Of a log that is `UNREADABLE` nothing else is said.
+    An `UNREADABLE` log has a single finding.
     """
     found, done = {severity: [] for severity in range(WARNING + 1)}, set()
     unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)

@@ -62,7 +62,7 @@ class Columns:
         return raw
 
     def stamps(self):
-        """Return how many raw columns are stamps."""
+        """Return the number of raw columns that are stamps."""
         return len(_tuple(self.time)) + len(self.others)
 
     def found(self, names):
@@ -163,16 +163,16 @@ def lacking(quantity, columns):
 
 
 def _only(quantity, found, names):
-    """Return the column found by its name, None if there is none; raise if others are as good."""
+    """Return the single column in `found`, None if it is empty; raise if several are as good."""
     if not found:
         return None
-    alike = [name for name in names if name.lower() == names[_tuple(found[0])[0]].lower()]
+    candidates = [name for name in names if name.lower() == names[_tuple(found[0])[0]].lower()]
     if quantity in SENSORS:
-        alike = ["/".join(names[i] for i in axes) for axes in found]
-    if len(alike) > 1:
-        number = f", by number from 0 to {len(names) - 1}" * (alike[0] == alike[1])
+        candidates = ["/".join(names[i] for i in axes) for axes in found]
+    if len(candidates) > 1:
+        number = f", by number from 0 to {len(names) - 1}" * (candidates[0] == candidates[1])
         raise ImuloopError(
-            f"{alike[0]} and {alike[1]} both look like {quantity}; name one of them in "
+            f"{candidates[0]} and {candidates[1]} both look like {quantity}; name one of them in "
             f"columns.{quantity}{number}"
         )
     return found[0]

@@ -25,10 +25,11 @@ _LEAST = 50
 
 
 def _frame(turn, angle):
-    """Return the rotation that takes the sensor's turns to the reference's, and what it leaves.
+    """Return the rotation from the sensor's axes to the reference's axes, and its residual.
 
-    Least squares of the vectors (Kabsch), the worst tenth left out the second time; the share of
-    the reference's turns that is left, root mean square.
+    `turn` are rotation vectors by the reference and `angle` by the sensor, rad, (n, 3). The
+    rotation, (3, 3), is their least-squares fit (Kabsch), in which the worst tenth is left out the
+    second time. The residual is its root mean square, as a share of the turns.
     """
     keep = np.ones(len(turn), bool)
     for _ in range(2):
@@ -40,7 +41,7 @@ def _frame(turn, angle):
 
 
 def convention_faults(reference, t, w, f, declared):
-    """Return why the attitudes do not fit the angular rate, the frame, and the share that is left.
+    """Compare the attitudes with the angular rate; return reasons, frame and residual.
 
     Both conventions and both orders of the quaternion are tried, so that the reason can say what
     fits. Turns alone do not tell a wrong order from other axes of the world: `place_faults` does.
@@ -59,7 +60,7 @@ def convention_faults(reference, t, w, f, declared):
     reasons : list of str
         Empty if the attitudes fit.
     frame : list
-        Rotation from the axes of the sensor to those of the reference, row by row.
+        Rotation from the axes of the sensor to the axes of the reference, row by row.
     residual : float
         Share of the turns of the reference that the gyroscope does not explain.
     """
@@ -91,7 +92,7 @@ def convention_faults(reference, t, w, f, declared):
         units = {1 / DEGREE: "deg/s taken for rad/s", DEGREE: "rad/s for deg/s"}
         said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
         cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
-        why = f"its turns are {size:.3g} times those of the gyroscope: {cause}"
+        why = f"its turns are {size:.3g} times the turns of the gyroscope: {cause}"
     return [f"reference.orientation: {why}"] if why else [], frame.tolist(), residual
 
 
@@ -125,11 +126,11 @@ def _gain(reference, t, f, frame):
 
 
 def place_faults(reference, t, f, frame, declared):
-    """Return why the places do not fit specific force, carried by the attitudes, a list of str.
+    """Return the reasons why the places do not fit the specific force, a list of str.
 
     `reference` is the Reference, `t` the time of the samples, s, (n,), `f` their specific force,
-    m/s^2, (n, 3), `frame` the rotation from the axes of the sensor to those of the reference, and
-    `declared` what the config says of the reference.
+    m/s^2, (n, 3), `frame` the rotation from the axes of the sensor to the axes of the reference,
+    and `declared` the declaration of the reference in the config.
     """
     gain = _gain(reference, t, f, frame)
     if gain is None:
@@ -147,5 +148,7 @@ def place_faults(reference, t, f, frame, declared):
         why = "accelerates against specific force: it is mirrored; change the sign of one axis, or "
         why += "of orientation's vector part"
     elif cosine < ALONG:
-        why = f"its axes are {np.degrees(np.arccos(cosine)):.0f} degrees from those of orientation"
+        why = (
+            f"its axes are {np.degrees(np.arccos(cosine)):.0f} degrees from the axes of orientation"
+        )
     return [f"reference.position: {why}"] if why else []

@@ -1,8 +1,8 @@
-"""Whether a log is what it is declared to be: units, full scales, increments, milliseconds.
+"""Whether a log fits its declaration: units, full scales, increments, milliseconds.
 
 Gravity checks both sensors without a calibration: its size is the specific force at rest, and its
 direction turns in the axes of the device as the gyroscope says. So each sensor has a `Ratio` of
-what it logs to what gravity says, 1 in a good log. No sensor is off by a half. A ratio that differs
+its reading to gravity, 1 in a good log. No sensor is off by a half. A ratio that differs
 from 1 is compared with the factors of all other `readings` of the log: another unit, another full
 scale, increments of velocity and angle. The nearest one within the error of the ratio is the cause.
 """
@@ -33,7 +33,7 @@ MOST_RATE, LEAST_RATE = 1e4, 0.7
 
 @dataclass(frozen=True)
 class Ratio:
-    """What a sensor logs over what gravity says.
+    """The ratio of a sensor's reading to gravity.
 
     The ratio has a `value`, a relative `error`, and `words`. The sensor is off if the value differs
     from 1 by more than the factor `most`. `is_cut` tells that a part of the signal is missing,
@@ -100,7 +100,7 @@ def force_ratio(e):
 
 
 def turn_ratio(figures):
-    """Return the Ratio of turns by the gyroscope to turns of gravity, None without turns."""
+    """Return the Ratio of turns by the gyroscope to turns of gravity, None if there are none."""
     axes, rests, clipped = (figures["faults"][key] for key in ("axes", "rests", "clipped_at"))
     words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
     # a step of the force looks like a turn
@@ -136,7 +136,7 @@ def jump_of_force(e):
 
 
 def increments(e):
-    """Return why both sensors look like increments that are taken as rates.
+    """Return values for a message if both sensors look like increments, taken as rates, else None.
 
     Wrong units may look the same, as mm/s and mrad over 1 ms do: then the units are the cause.
     """
@@ -157,7 +157,7 @@ def increments(e):
 
 
 def cause(e, quantity):
-    """Return the unit, full scale or counts that a sensor looks like if it is off, with the why."""
+    """Return the unit, full scale or counts that a sensor looks like if it is off, as text."""
     ratio, unit = ratio_of(e, quantity), e.units[quantity]
     if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):
         return None
@@ -174,8 +174,8 @@ def cause(e, quantity):
 def size_of_force(e):
     """Return the words on a specific force that is off by no known factor, before the remedy."""
     ratio = force_ratio(e)
-    # less than any full scale that was mixed up leaves
-    why = ": has gravity been taken out of the log, or does it hold increments per sample? If not, "
+    # another full scale would leave more
+    why = ": has gravity been removed from the log, or does it hold increments per sample? If not, "
     return ratio.is_off and ratio.words + (why if ratio.value < 0.3 else "; ")
 
 
@@ -187,7 +187,7 @@ def scale_of_rate(e):
 
 
 def milliseconds(columns, figures, stamps, rate=None):
-    """Return why time stamps that are taken as seconds are milliseconds, None if they are not.
+    """Return the reason why time stamps, taken as seconds, are milliseconds, None if they are not.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def milliseconds(columns, figures, stamps, rate=None):
     if rate:
         if rate > in_seconds * factor / 2:
             why = f"the declared rate is {rate / in_seconds:,.0f} times the rate in seconds"
-    # between the ratio of a good log and that of deg/s taken as rad/s
+    # from the ratio of a good log to the ratio of a log in deg/s, taken as rad/s
     elif ratio and 0.2 < ratio.value < 100:
         times = float(f"{ratio.value * factor:.2g}")
         why = f"turns measured by the gyroscope are {times:,.0f} times those of gravity"

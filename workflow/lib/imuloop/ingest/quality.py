@@ -1,6 +1,6 @@
 """The quality figures of a log: steps of time, gaps, ranges, and the faults of its channels.
 
-The table of `checks` says what the figures mean for the user.
+The table of `checks` turns them into lines for the user.
 """
 
 from itertools import combinations
@@ -26,7 +26,7 @@ from imuloop.ingest.channel import Channel
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 from imuloop.ingest.rests import measure_turns
 
-# at most so many gaps are listed; all are counted
+# longest list of gaps; all gaps are counted
 LISTED_GAPS = 50
 # samples at this share of the declared full scale and beyond are clipped
 CLIPPED_SHARE = 0.98
@@ -61,13 +61,11 @@ def measure(columns, raw_units, full_scale=None):
     t, scales = columns[TIME], full_scale or {}
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in columns]
     ranges = {name: _range(columns[name]) for name in names}
-    limits = {
-        n: CLIPPED_SHARE * scales.get(q, np.nan) for q, axes in QUANTITIES.items() for n in axes
-    }
     figures = time_figures(t) | {
         "clipped": {
-            name: int(np.count_nonzero(np.abs(columns[name]) >= limit)) if limit > 0 else None
-            for name, limit in limits.items()
+            n: int(np.sum(np.abs(columns[n]) >= CLIPPED_SHARE * scales[q])) if q in scales else None
+            for q, axes in QUANTITIES.items()
+            for n in axes
         },
         # one row changes nothing
         "constant": [n for n, ends in ranges.items() if len(t) > 1 and ends and not np.ptp(ends)],
@@ -88,7 +86,7 @@ def measure(columns, raw_units, full_scale=None):
 
 
 def _mean_size(columns, axes):
-    """Return the mean magnitude of the vectors in the columns `axes`, None if there are no rows."""
+    """Return the mean magnitude of the vectors in the columns `axes`, None of an empty log."""
     size = np.sqrt(sum(columns[name] ** 2 for name in axes))
     return float(size.mean()) if len(size) else None
 
@@ -118,7 +116,7 @@ def time_figures(t):
 
 
 def _range(x):
-    """Return the least and the largest value of a channel, None without a value."""
+    """Return the least and the largest value of a channel, None if it has no value."""
     ends = [float(np.fmin.reduce(x)), float(np.fmax.reduce(x))] if len(x) else [np.nan]
     return ends if np.isfinite(ends).all() else None
 

@@ -22,7 +22,7 @@ from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
 
 # length of a window, and of the means in it, s
 WINDOW, FINE = 0.5, 0.04
-# variance of a quiet window, as a multiple of that of the quietest twentieth of the log
+# variance of a quiet window, as a multiple of the least twentieth of all variances
 QUIET = 10.0
 # largest turn of gravity from window to window of a stop, rad
 STILL = 0.02
@@ -60,7 +60,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return the figures of the stops, `rests` in quality.schema.yaml, or None if there are none.
+    """Return the figures of the stops, `rests` in quality.schema.yaml, or None without stops.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How logs call columns and units: the table `names.yaml`, and what a name says by it."""
+"""How logs call columns and units: the table `names.yaml`, and the meaning of a name by it."""
 
 import re
 import unicodedata
@@ -97,7 +97,7 @@ def is_iso(unit):
 def unknown_unit(quantity, text):
     """Return the error of a log that states an unknown unit."""
     return ImuloopError(
-        f"units.{quantity}: the log says '{text[:80]}', which is no unit that is read; declare "
+        f"units.{quantity}: the log says '{text[:80]}', which is not a known unit; declare "
         f"the right one of {', '.join(UNITS[quantity])}"
     )
 
@@ -108,7 +108,7 @@ def _parts(name):
 
     The unit is the text of the last brackets. An axis is a word, or joined to a known name: gx.
     """
-    # a longer text is no name
+    # longer texts are not names
     text = unicodedata.normalize("NFKC", name[-99:])
     text = _INDEX.sub(lambda at: f" {'xyzxyz'['012xyz'.index(at[1].lower())]} ", text)
     brackets = re.search(_BRACKETS.pattern + r"\s*\Z", text)
@@ -137,7 +137,10 @@ def named_sensor(text):
 
 
 def _ending(quantity, words, alone=True):
-    """Return how many words are left before the unit that ends them; a letter is none `alone`."""
+    """Return the number of words before the words of the unit at their end, which may be none.
+
+    If not `alone`, a single letter is a unit only after other words.
+    """
     for k in range(len(words)):
         text = "".join(words[k:])
         if text in _SPELT[quantity] and (alone or k or len(text) > 1):
@@ -234,10 +237,10 @@ def _triples(names):
 
 
 def _match(quantity, name):
-    """Return how a name shows a quantity, a `_Match`, or None."""
+    """Return the best `_Match` of a name with the names of a quantity, None if it has none."""
     before, _, after, unit = _parts(name)
     words, sensor = before or after, quantity in SENSORS
-    # Time (UTC) may be a time, T (°) is none
+    # Time (UTC) may be a time, T (°) may not
     strange = not sensor and bool(unit) and _plain(unit) not in _SPELT[quantity]
     if strange and any(_plain(unit) in units for units in _SPELT.values()):
         return None
