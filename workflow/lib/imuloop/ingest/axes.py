@@ -22,7 +22,7 @@ TURN_WINDOW, KEPT = 0.25, 4096
 # least turn of gravity in a step, rad; largest difference of its force from gravity, as a share
 LEAST_STEP, MOST_SHAKEN = 0.1, 0.3
 # steps in which a mapping has to beat the identity, in all and for each step against it
-LEAST_STEPS, STEPS_AGAINST = 3, 4
+LEAST_STEPS = 4
 # agreement that a mapping needs, and largest lead over another one that remains possible
 AGREEMENT, LEAD = 0.8, 0.05
 # signed permutations, the identity first
@@ -76,7 +76,7 @@ def fit_axes(means, step):
     possible = agreement > agreement[best] - LEAD
     sure = agreement[best] > AGREEMENT and not possible[0]
     mapping = None
-    if sure and favour >= max(LEAST_STEPS, STEPS_AGAINST * against):
+    if sure and favour >= LEAST_STEPS * max(1, against):
         same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
         mapping = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
     return {

@@ -27,7 +27,7 @@ NEAR, MOST_ERROR, AGREEMENT = 0.1, 0.15, 0.9
 FULL_SCALES = (2, 4, 8, 16, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
 # step of the specific force that needs a turn, as a share of gravity
 MOST_JUMP = 0.05
-# fastest log in milliseconds, and slowest in whole seconds, Hz
+# fastest usual log, and slowest in whole seconds, Hz
 MOST_RATE, LEAST_RATE = 1e4, 0.7
 
 
