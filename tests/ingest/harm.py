@@ -10,7 +10,7 @@ from ingest.logs import ALL, FORCE, RATE, increments, poses, swaying
 
 
 def put(log, names, value, first=0, count=None):
-    """Set columns to a value from a share of the log on; "hold" holds what was there."""
+    """Set columns to a value from a share of the log on; "hold" keeps the first value there."""
     start = int(first * len(log))
     rows = slice(start, start + count - 1 if count else None)
     for name in names:
@@ -22,7 +22,7 @@ def at(log, labels, name, values):
 
 
 def added(log, names, value, *steps):
-    """Add a value in all rows, or in those of a range."""
+    """Add a value in all rows, or in the rows of a range."""
     log.loc[slice(None) if not steps else [*range(*steps)], names] += value
 
 
@@ -223,7 +223,7 @@ def in_bursts(log, spacing=0.002):
 
 
 def in_packets(log, size, share, jitter=0.0, end=True):
-    """Stamps of a host: some packets have one, that of their last row or of their first."""
+    """Stamps of a host: some packets have one, when their last or first row was sampled."""
     rng = np.random.default_rng(5)
     t = log.t.to_numpy() + jitter * rng.random(len(log))
     for start in range(0, len(log) - size, size):

@@ -14,7 +14,7 @@ from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
 FORCE, RATE, ALL = list(ACCELERATION), list(ANGULAR_RATE), list(CHANNELS)
-# least significant bits as of a common part: noise of 3 and of 1.5 of them
+# least significant bits of a common part: noise of 3 and of 1.5 of them
 STEPS = [0.0048] * 3 + [0.00106] * 3
 
 # --- sound logs
@@ -66,7 +66,7 @@ def swaying(about=None):
 
 
 def gait():
-    """A walk: all power is below 10 Hz, and the mean of a second is less than that of its parts."""
+    """A walk: all power is below 10 Hz, and means of a second are smaller than means of less."""
     rng = np.random.default_rng(12)
     log = pd.DataFrame({"t": np.arange(30_000) / 100})
     swing = 1.5 + np.sin(np.arange(30_000) / 900)

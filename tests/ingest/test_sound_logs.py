@@ -1,4 +1,4 @@
-"""Logs of good sensors, whatever the body does: no line, no row lost, and turns that agree."""
+"""Logs of good sensors, in any motion: no line, no row lost, and turns that agree."""
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ def test_a_sound_log_has_no_line(repository, run, truth, kind, changed):
     assert (found["reasons"], found["warnings"]) == ([], [])
 
 
-# what a slow turn does at its ends is no bias
+# the ends of a slow turn must not count as bias
 @pytest.mark.parametrize(("seed", "case"), [(14, "slow_turns"), (46, "lossy")])
 def test_turns_go_as_far_as_the_scale_factor_says(run, seed, case):
     made = record(seed, case)

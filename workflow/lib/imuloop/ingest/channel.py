@@ -13,9 +13,9 @@ import pandas as pd
 # rows of a block, and quantisation steps that noise spans in a block of a fine channel: noise
 # within two steps is below the step
 BLOCK, SPAN = 128, 2.5
-# least rows of a stuck run, in all and as a multiple of the rows of the next shorter run. At
-# least `FEWEST` runs show the usual length
-LEAST_STUCK, STUCK_FACTOR, FEWEST = 10, 5, 50
+# least rows of a stuck run, as a multiple of the rows of the next shorter run; at least `FEWEST`
+# shorter runs show the usual length
+STUCK_FACTOR, FEWEST = 10, 50
 # quantisation steps to a value that is far away; rows of a run between such values that is a flat
 # top
 FAR_STEPS, FLAT_TOP = 8, 3
@@ -42,7 +42,7 @@ def least_stuck(lengths):
     counts = np.bincount(lengths)
     length = np.flatnonzero(counts)
     shorter = np.cumsum(counts[length])[:-1]
-    long = length[1:] >= np.maximum(LEAST_STUCK, STUCK_FACTOR * length[:-1])
+    long = length[1:] >= STUCK_FACTOR * length[:-1]
     return length[1:][long & (shorter >= FEWEST)].min(initial=lengths.sum() + 1)
 
 

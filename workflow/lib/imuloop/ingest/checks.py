@@ -22,7 +22,8 @@ from imuloop.ingest.raw_log import RawLog
 
 # how bad a finding is: the log cannot be read, and no other check holds; it cannot be used; it
 # contradicts its declaration; it may contradict it; a user should look at it
-UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = range(5)
+SEVERITIES = ("unreadable", "unusable", "misdeclared", "doubtful", "warning")
+UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = SEVERITIES
 
 # a log with fewer samples, or shorter, s, holds no rest worth a mean
 LEAST_ROWS, LEAST_DURATION = 100, 2.0
@@ -81,7 +82,7 @@ class Check:
     """A row of the table; among checks about the same subject the first finding counts."""
 
     name: str
-    severity: int
+    severity: str
     measure: Callable
     message: str
     remedy: str = ""
@@ -267,7 +268,7 @@ def findings(evidence):
 
     An `UNREADABLE` log has a single finding.
     """
-    found, done = {severity: [] for severity in range(WARNING + 1)}, set()
+    found, done = {severity: [] for severity in SEVERITIES}, set()
     unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)
     for check in CHECKS:
         about = {*check.about.split()}
