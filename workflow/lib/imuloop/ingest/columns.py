@@ -204,9 +204,7 @@ def _declared(quantity, column, names, headed):
         )
     if not several:
         return position(quantity, column, names, headed)
-    sensor = quantity in SENSORS
-    bare = [without_sign(each, names) if sensor else each for each in column]
-    return tuple(position(quantity, each, names, headed) for each in bare)
+    return tuple(position(quantity, each, names, headed) for each in column)
 
 
 def without_sign(column, names=()):
@@ -219,6 +217,7 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
+    value = without_sign(value, names) if quantity in SENSORS else value
     number, count = isinstance(value, int) and not isinstance(value, bool), names.count(str(value))
     if number and 0 <= value < len(names):
         return value
