@@ -18,7 +18,6 @@ from imuloop.core.samples import (
     SENSORS,
     TEMPERATURE,
     TIME,
-    other_sensor,
     own_rows,
 )
 from imuloop.ingest import channel, spikes
@@ -144,14 +143,13 @@ def _faults(columns, names, zeros, figures):
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
     # the rows with a new sample of each sensor, and its rate
     rows, rates = dict.fromkeys(SENSORS, slice(None)), dict.fromkeys(SENSORS, figures["rate_hz"])
-    added = {}
-    groups = [(slice(None), CHANNELS)]
+    added, groups = {}, [(slice(None), CHANNELS)]
     for sensor in (each for each, stamps in OWN_TIME.items() if stamps in columns):
         rows[sensor] = first = own_rows(columns[OWN_TIME[sensor]])
         rate = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
         added["slower"] = {"sensor": sensor, "rate_hz": rate, "rows": len(first)}
         rates[sensor] = rate or figures["rate_hz"]
-        groups = [(slice(None), SENSORS[other_sensor(sensor)]), (first, SENSORS[sensor])]
+        groups = [(rows[name], axes) for name, axes in SENSORS.items()]
     single = np.hstack([_isolated(x, steps, *group) for group in groups])
     zero = [np.all([x[n] == zeros[n] for n in axes], axis=0) for axes in SENSORS.values()]
     # a gyroscope at rest may show three zeros, an accelerometer never does
@@ -173,27 +171,25 @@ def _faults(columns, names, zeros, figures):
         channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
         silent = channel.silent(channels, [columns[n][at] for n in ACCELERATION])
         clipped = channel.saturation(channels, rate)
-        # a silent channel is not stuck, and a saturated one not at the end of its range
-        stuck = {
-            n: [r for r in c.stuck if n not in silent and c.x[r[0]] not in clipped[n]["values"]]
-            for n, c in channels.items()
-        }
-        wraps = {name: c.wraps() for name, c in channels.items()}
         is_zero = zero[k][at]
         alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
         alone = alone if alone > channel.OFTEN * len(is_zero) else 0
-        faults["failed_reads"] |= {n: alone or c.failed_reads for n, c in channels.items()}
-        faults["stuck"] |= {n: _stuck(stuck[n], t[at], rate) for n in axes}
-        faults["spikes"] |= {n: spikes.count_jumps(c.x, c.step) for n, c in channels.items()}
-        faults["wraps"] |= {name: len(before) for name, before in wraps.items()}
-        faults["clipped_at"] |= clipped
-        faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
-        faults["silent_at_rest"] += silent
-        # the values at a wrap of an integer are wrong
-        for name, before in wraps.items():
+        for name, c in channels.items():
+            # a silent channel is not stuck, and a saturated one not at the end of its range
+            ends = clipped[name]["values"]
+            stuck = [run for run in c.stuck if name not in silent and c.x[run[0]] not in ends]
+            faults["failed_reads"][name] = alone or c.failed_reads
+            faults["stuck"][name] = _stuck(stuck, t[at], rate)
+            faults["spikes"][name] = spikes.count_jumps(c.x, c.step)
+            before = c.wraps()
+            faults["wraps"][name] = len(before)
+            # the values at a wrap of an integer are wrong
             if len(before):
                 x[name] = x[name].copy()
                 x[name][np.arange(len(t))[at][np.append(before, before + 1)]] = np.nan
+        faults["clipped_at"] |= clipped
+        faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
+        faults["silent_at_rest"] += silent
     if TEMPERATURE in x:
         faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
     long = np.diff(t)
@@ -209,10 +205,10 @@ def _isolated(x, steps, at, names):
 
     `at` are the rows with a new sample. A spike counts in all rows that hold it.
     """
-    found = spikes.isolated([x[n][at] for n in CHANNELS], [steps[n] for n in CHANNELS])
+    found = spikes.isolated([x[n][at] for n in names], [steps[n] for n in names])
     edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
-    kept = [(i, k) for i, k in found.T if CHANNELS[k] in names]
-    held = [(row, k) for i, k in kept for row in range(edges[i], edges[i + 1])]
+    numbers = [CHANNELS.index(name) for name in names]
+    held = [(row, numbers[k]) for i, k in found.T for row in range(edges[i], edges[i + 1])]
     return np.array(held, dtype=int).reshape(-1, 2).T
 
 
