@@ -1,4 +1,4 @@
-"""A reference with a log: a wrong declaration is named with one that fits, losses are cut."""
+"""A reference beside a log: what is declared wrongly is named with what fits, losses are cut."""
 
 import json
 from functools import cache
@@ -61,7 +61,7 @@ def test_a_sound_reference_is_beside_the_samples(tmp_path):
 CONJUGATE, IN_MM = scaled(QUATERNION[1:], -1), scaled(PLACE, 1e3)
 
 
-# a harm, the text of the reason, and a declaration that makes it right, if there is one
+# what is wrong, what is said, and what makes it right where a declaration can
 @pytest.mark.parametrize(
     ("harm", "says", "declared"),
     [
@@ -94,7 +94,7 @@ def test_a_clock_of_its_own_is_found_by_the_rates(tmp_path):
     quality, samples = made(tmp_path, Beside(duration_s=60.0, clock=(3.0, 0.0)))
     clock = quality["reference"]["clock"]
     assert clock["own"]
-    # the diagnosis estimates the rest, of 0.1 s at most
+    # what is left is for the diagnosis, of 0.1 s at most
     assert clock["offset_s"] == pytest.approx(-3.0, abs=0.01)
     assert 0.9 < np.isfinite(samples["qw"]).mean()
 
