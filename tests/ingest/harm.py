@@ -176,16 +176,6 @@ def twice(log, force, rate, order=1):
 # --- time stamps
 
 
-def held_back(log):
-    """Stamps of transfers that come after random pauses of some tenths of a second."""
-    rng, number = np.random.default_rng(8), np.arange(len(log))
-    begin = np.cumsum(np.r_[0, rng.integers(2, 60, len(log))])
-    transfer = np.searchsorted(begin, number, side="right") - 1
-    sent = np.cumsum(rng.exponential(0.31, len(log)))
-    log["t"] = sent[transfer] + 0.002 * (number - begin[transfer])
-    return log.sort_values("t", ignore_index=True)
-
-
 def unix(log, ticks):
     return log.assign(t=np.rint((log.t + 1.7e9) * ticks).astype("int64"))
 

@@ -37,13 +37,15 @@ def blocks(x):
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
-def least_stuck(lengths):
-    """Return the least number of rows of a stuck run; `lengths` are the rows of all runs, (m,)."""
-    counts = np.bincount(lengths)
+def least_stuck(counts):
+    """Return the least number of rows of a stuck run from the `counts` of runs by their rows.
+
+    The result is more than the number of all rows if no run is stuck.
+    """
     length = np.flatnonzero(counts)
     shorter = np.cumsum(counts[length])[:-1]
     long = length[1:] >= STUCK_FACTOR * length[:-1]
-    return length[1:][long & (shorter >= FEWEST)].min(initial=lengths.sum() + 1)
+    return length[1:][long & (shorter >= FEWEST)].min(initial=counts @ np.arange(len(counts)) + 1)
 
 
 @dataclass
@@ -51,7 +53,9 @@ class Channel:
     """The samples of a channel, (n,) SI, and what its runs show.
 
     `step` is the quantisation step, 0 if it is unknown. `low` and `high` are the ends of the range
-    of the samples. `is_fine` tells whether noise spans the step in half of the blocks that change.
+    of the samples. `width` is the range of values in each block, and `changed` tells which rows
+    differ from the row before, (n - 1,). `is_fine` tells whether noise spans the step in half of
+    the blocks that change.
     `stuck` are the stuck runs, (first row, rows), and `tops` the values of flat tops.
     `failed_reads` is the number of rows with the value of failed reads, which are far from the rows
     before and after.
@@ -63,19 +67,24 @@ class Channel:
     high: float
 
     def __post_init__(self):
-        width = np.ptp(blocks(self.x), axis=1)
-        changing = np.count_nonzero(width > 0)
-        self.is_fine = np.count_nonzero(width > SPAN * self.step) >= changing / 2 > 0
-        starts = np.append(0, np.flatnonzero(self.x[1:] != self.x[:-1]) + 1)
-        lengths, values = np.diff(starts, append=len(self.x)), self.x[starts]
-        long = lengths >= (least_stuck(lengths) if self.is_fine else len(self.x) + 1)
-        self.stuck = list(zip(starts[long].tolist(), lengths[long].tolist(), strict=True))
-        far = np.abs(np.diff(values)) > FAR_STEPS * self.step
-        far, lengths, values = far[:-1] & far[1:], lengths[1:-1], values[1:-1]
+        self.width, self.changed = np.ptp(blocks(self.x), axis=1), self.x[1:] != self.x[:-1]
+        changing = np.count_nonzero(self.width)
+        self.is_fine = np.count_nonzero(self.width > SPAN * self.step) >= changing / 2 > 0
+        # first row and number of rows of the runs of two rows and more
+        edges = np.flatnonzero(np.diff(self.changed, prepend=True, append=True))
+        first, lengths = edges[::2], edges[1::2] - edges[::2] + 1
+        counts = np.bincount(lengths, minlength=2)
+        counts[1] = np.count_nonzero(self.changed) + 1 - len(first)
+        long = lengths >= (least_stuck(counts) if self.is_fine else len(self.x) + 1)
+        self.stuck = list(zip(first[long].tolist(), lengths[long].tolist(), strict=True))
+        far = np.abs(np.diff(self.x)) > FAR_STEPS * self.step
+        inner = (lengths >= FLAT_TOP) & (first > 0) & (first + lengths < len(self.x))
+        first, last = first[inner], (first + lengths - 1)[inner]
+        tops = self.x[first[far[first - 1] & far[last]]]
         # values that are held have flat tops everywhere
-        tops = values[far & (lengths >= FLAT_TOP)]
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
-        alone, often, self.failed_reads = values[far & (lengths == 1)], OFTEN * len(self.x), 0
+        alone, often = self.x[1:-1][far[:-1] & far[1:]], OFTEN * len(self.x)
+        self.failed_reads = 0
         if self.step and len(alone) > often:
             rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
             self.failed_reads = rows if rows > often else 0
@@ -86,14 +95,16 @@ class Channel:
         The range of an integer that wraps around has equal ends. A value that swings from end to
         end changes more before or after the jump, and a value that saturates is held at an end.
         """
-        size, span = np.abs(np.diff(self.x)), self.high - self.low
+        span, most = self.high - self.low, (1 - MOST) * (self.high - self.low)
+        if not abs(self.low + self.high) <= 2 * most:
+            return np.empty(0, dtype=int)
+        size = np.abs(np.diff(self.x))
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
         before, after = size[rows - 1], size[rows + 1]
         from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
         held = ((before == 0) & from_end) | ((after == 0) & to_end)
-        change, most = np.maximum(before, after), (1 - MOST) * span
-        equal = abs(self.low + self.high) <= 2 * most
-        return rows[(0 < change) & (2 * change < most) & ~held & equal]
+        change = np.maximum(before, after)
+        return rows[(0 < change) & (2 * change < most) & ~held]
 
 
 def saturation(channels, rate):
@@ -139,6 +150,8 @@ def silent(channels, force):
     `channels` are a sensor's channels by name. `force` are the samples of the three channels of the
     accelerometer, (n,) each: the half of the blocks with the smaller variance is quiet.
     """
+    if all(c.width.all() for c in channels.values()):
+        return []
     power = sum(np.var(blocks(x), axis=1) for x in force)
     if not len(power):
         return []
@@ -148,7 +161,7 @@ def silent(channels, force):
         for name, c in channels.items()
         # a channel that is stuck once or twice has a fault of a moment
         if c.low < c.high and len(c.stuck) not in (1, 2)
-        if np.mean(np.ptp(blocks(c.x)[quiet], axis=1) == 0) > MOST
+        if np.mean(c.width[quiet] == 0) > MOST
     ]
 
 
@@ -157,7 +170,10 @@ def rows_a_value(channels):
 
     `channels` are a list of its channels.
     """
-    changed = np.any([c.x[1:] != c.x[:-1] for c in channels], axis=0)
+    changed = np.any([c.changed for c in channels], axis=0)
+    # nine in ten runs of a held value have at least this mean length
+    if np.count_nonzero(changed) * MOST * LEAST_HELD > len(changed):
+        return 1.0
     lengths = np.diff(np.flatnonzero(changed))
     if len(lengths) < FEWEST:
         return 1.0
