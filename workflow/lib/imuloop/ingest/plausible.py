@@ -100,7 +100,7 @@ def force_ratio(e):
 
 
 def turn_ratio(figures):
-    """Return the Ratio of turns by the gyroscope to turns of gravity, None if there are none."""
+    """Return the Ratio of turns by the gyroscope to turns of gravity, if the log has any."""
     axes, rests, clipped = (figures["faults"][key] for key in ("axes", "rests", "clipped_at"))
     words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
     # a step of the force looks like a turn

@@ -60,7 +60,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return the figures of the stops, `rests` in quality.schema.yaml, or None without stops.
+    """Return the figures of the stops, `rests` in quality.schema.yaml, if the log has any stop.
 
     Parameters
     ----------
