@@ -53,18 +53,11 @@ def export(tmp_path):
 def test_noise_is_that_of_each_sensor_s_own_samples(export, tmp_path, force_rate, turn_rate):
     rng = np.random.default_rng(int(force_rate + 2 * turn_rate))
     t_force, t_rate = stamps(150, force_rate), stamps(150, turn_rate, 0.0007)
-<<<<<<< HEAD
     force = add_noise(np.tile([0.2, -0.1, 9.78], (len(t_force), 1)), FORCE_NOISE, force_rate, rng)
     rate = add_noise(np.tile([5e-3, -3e-3, 1e-3], (len(t_rate), 1)), RATE_NOISE, turn_rate, rng)
-    path, quality = read(export(t_force, force, t_rate, rate), "static")
-    samples = Samples(path)
-=======
-    force = noisy(np.tile([0.2, -0.1, 9.78], (len(t_force), 1)), FORCE_NOISE, force_rate, rng)
-    rate = noisy(np.tile([5e-3, -3e-3, 1e-3], (len(t_rate), 1)), RATE_NOISE, turn_rate, rng)
     device = chain.Device("imu", tmp_path, {"log": "static"})
     chain.ingest(device, "log", {}, [export(t_force, force, t_rate, rate)])
     samples = Samples(device.sessions["log"]["samples"])
->>>>>>> s-time
     segments, _ = segment_session(samples, "static", SegmentSettings())
     # a log that rests is one rest, for any clocks
     assert segments["kind"].tolist() == ["static"]
@@ -134,29 +127,10 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, force_rate, turn_rate)
     scales = np.array([1.01, 0.99, 1.005]), np.array([0.99, 1.012, 1.004])
     t_force, t_rate = stamps(170, force_rate), stamps(170, turn_rate, 0.0031)
     rng = np.random.default_rng(4)
-<<<<<<< HEAD
     force, _ = turning_device(t_force, np.random.default_rng(9))
     _, rate = turning_device(t_rate, np.random.default_rng(9))
-    force = add_noise(force / scale_force + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
-    rate = add_noise(rate / scale_rate + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
-    device = imuloop.calibrate(export(t_force, force, t_rate, rate))
-    made, verdicts = device.calibration, device.diagnosis["sensors"]
-    for sensor, scale, limit in (
-        ("accelerometer", scale_force, 3e-4),
-        ("gyroscope", scale_rate, 1e-3),
-    ):
-        own = getattr(made, sensor)
-        # within four of its standard errors, which are small
-        error = np.array([own.std[f"K{k}"] for k in range(3)])
-        assert (error < limit).all()
-        assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
-        assert verdicts[sensor]["poses"]["verdict"] == "consistent"
-        # a slow accelerometer misses parts of a move
-=======
-    force, _ = turned(t_force, np.random.default_rng(9))
-    _, rate = turned(t_rate, np.random.default_rng(9))
-    force = noisy(force / scales[0] + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
-    rate = noisy(rate / scales[1] + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
+    force = add_noise(force / scales[0] + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
+    rate = add_noise(rate / scales[1] + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
     device = imuloop.calibrate(export(t_force, force, t_rate, rate))
     sensors = ("accelerometer", "gyroscope")
     for sensor, scale, limit in zip(sensors, scales, (3e-4, 1e-3), strict=True):
@@ -168,6 +142,5 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, force_rate, turn_rate)
         assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
         assert verdicts["poses"]["verdict"] == "consistent"
         # a slow accelerometer misses what a move does
->>>>>>> s-time
         if force_rate < 0.9 * turn_rate:
             assert "slower than the gyroscope" in verdicts["motion"]["why"]

@@ -14,7 +14,7 @@ from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
 FORCE, RATE, ALL = list(ACCELERATION), list(ANGULAR_RATE), list(CHANNELS)
-# least significant bits as of a common part: noise of 3 and of 1.5 of them
+# least significant bits of a common part: noise of 3 and of 1.5 of them
 STEPS = [0.0048] * 3 + [0.00106] * 3
 
 # --- sound logs
@@ -68,7 +68,7 @@ def swaying(about=None):
 
 
 def gait():
-    """A walk: all power is below 10 Hz, and the mean of a second is less than that of its parts."""
+    """A walk: all power is below 10 Hz, and means of a second are smaller than means of less."""
     rng = np.random.default_rng(12)
     log = pd.DataFrame({"t": np.arange(30_000) / 100})
     swing = 1.5 + np.sin(np.arange(30_000) / 900)
@@ -76,6 +76,16 @@ def gait():
         steps = np.diff(lfilter(*butter(2, 0.1), rng.normal(size=30_001)))
         log[name] = swing * steps * (50 if name[0] == "a" else 10) + 9.8 * (name == "az")
         log[name] += 1e-3 * rng.normal(size=30_000)
+    return log
+
+
+def about_x():
+    """A log that is turned about x alone."""
+    t = np.arange(6000) / 100
+    angle = 1.2 * np.sin(2 * np.pi * t / 6) * (t > 6)
+    log = brief(6000).assign(ax=0.0, ay=9.8 * np.sin(angle), az=9.8 * np.cos(angle), gy=0.0, gz=0.0)
+    log["gx"] = np.gradient(angle, t)
+    log[ALL] += np.random.default_rng(1).normal(size=(6000, 6)) * 0.02
     return log
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE
-from ingest.injection import check_figures
+from ingest.figures import check_figures
 from ingest.logs import FORCE, RATE
 
 SIX = [*CHANNELS]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from imuloop.core.errors import ImuloopError
-from ingest.injection import check_figures
+from ingest.figures import check_figures
 from ingest.logs import brief
 
 # two swings of the temperature

@@ -6,15 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-<<<<<<< HEAD
-from beside import DECLARED, PLACE, QUATERNION, write_pair
-from beside import ingest_session as ingested_files
-=======
-from beside import DECLARED, PLACE, QUATERNION, ingested, written
+from beside import DECLARED, PLACE, QUATERNION, ingest_session, write_pair
 from imuloop.core.files import read_json
->>>>>>> s-time
 from imuloop.core.samples import read_columns
-from ingest.injection import check_figures
+from ingest.figures import check_figures
 from simulated_reference import Beside, simulate_beside
 
 SEED = 12160
@@ -25,18 +20,12 @@ def sound():
     return simulate_beside(Beside(duration_s=60.0), SEED)
 
 
-<<<<<<< HEAD
-def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
-    pair = simulate_beside(truth, SEED) if truth else sound()
-    paths = write_pair(folder, "s", (log(pair[0]), reference(pair[1])))
-=======
 def made(folder, truth=None, declared=None, log=dict, reference=dict):
     """Return quality and samples of a simulated pair; `log` and `reference` harm its columns."""
     columns = simulate_beside(truth, SEED) if truth else sound()
-    paths = written(folder, "s", (log(columns[0]), reference(columns[1])))
->>>>>>> s-time
+    paths = write_pair(folder, "s", (log(columns[0]), reference(columns[1])))
     sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}
-    results = ingested(folder, "s", paths, DECLARED | (declared or {}), sources=sources)
+    results = ingest_session(folder, "s", paths, DECLARED | (declared or {}), sources=sources)
     return read_json(results["quality_path"]), read_columns(results["samples_path"])
 
 
@@ -105,6 +94,6 @@ def test_a_reference_in_the_log_itself_is_read(tmp_path):
     path = tmp_path / "log.csv"
     pd.DataFrame(log | same).to_csv(path, index=False)
     declared = DECLARED | {"columns": {"orientation": QUATERNION, "position": PLACE}}
-    found = read_json(ingested(tmp_path, "s", [path], declared)["quality_path"])
+    found = read_json(ingest_session(tmp_path, "s", [path], declared)["quality_path"])
     assert found["status"] == "ok"
     assert found["reference"]["lost"] == odd.sum() and found["reference"]["coverage"] > 0.99

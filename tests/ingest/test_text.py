@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from ingest.injection import check_figures
+from ingest.figures import check_figures
 from ingest.logs import FORCE, RATE
 from ingest.text_forms import (
     NUMBERS,

@@ -22,7 +22,7 @@ SIX_OF = "{0}ax {0}ay {0}az {0}gx {0}gy {0}gz".format
 # how a log is written: names, and in what units; and the units that quality.json then says
 HEADERS = {
     f"imu0_time {SIX_OF('imu0_')} imu0_temp": ({}, {"temperature": "degC"}),
-    # 100 us, as of an MTi; us, as of a DOT
+    # 100 us in an MTi; us in a DOT
     "SampleTimeFine Acc_X Acc_Y Acc_Z Gyr_X Gyr_Y Gyr_Z":
         ({"time": 1e4, "start": 77}, {"time": "us"}),
     "Sample_Time_Fine Acc_X Acc_Y Acc_Z Gyr_X Gyr_Y Gyr_Z": ({"time": 1e6}, {"time": "us"}),

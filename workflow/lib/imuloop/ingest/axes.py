@@ -1,4 +1,4 @@
-"""How the axes of the two sensors lie to each other, shown by the turns of a log.
+"""Orientation of the axes of the two sensors to each other, by the turns of a log.
 
 While a device turns, the direction u of gravity in its axes obeys ``du/dt = u × ω``. Over two
 neighbouring windows of T seconds, whose means are u₁ and u₂, this is without approximation
@@ -17,13 +17,13 @@ import numpy as np
 
 from imuloop.core.samples import ANGULAR_RATE
 
-# length of a window, s, and how many steps of turns are looked at about
+# length of a window, s, and about the most steps of a long log that are used
 TURN_WINDOW, KEPT = 0.25, 4096
-# a step turns gravity by so much at least, rad; its force is gravity's within this share
+# least turn of gravity in a step, rad; largest difference of its force from gravity, as a share
 LEAST_STEP, MOST_SHAKEN = 0.1, 0.3
-# steps in which a mapping has to beat the identity, and how many for each that says otherwise
-LEAST_STEPS, STEPS_AGAINST = 3, 4
-# agreement that a mapping needs, and the lead that leaves another one possible
+# steps in which a mapping has to beat the identity, in all and for each step against it
+LEAST_STEPS = 4
+# agreement that a mapping needs, and largest lead over another one that remains possible
 AGREEMENT, LEAD = 0.8, 0.05
 # signed permutations, the identity first
 MAPPINGS = np.array(
@@ -38,9 +38,10 @@ CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
 def fit_axes(means, step):
-    """Return how well the axes of the sensors fit, `axes` in quality.schema.yaml.
+    """Return the agreement of the axes of both sensors, `axes` in quality.schema.yaml, or None.
 
-    Takes the means of the six channels, (6, m) SI, `step` s each. None if there are too few turns.
+    `means` are means of the six channels, (6, m) SI, over `step` s each. The result is None if
+    there are too few turns.
     """
     fine = max(round(TURN_WINDOW / step), 1)
     count = means.shape[1] // fine
@@ -64,7 +65,7 @@ def fit_axes(means, step):
     by_axis = np.einsum("ijk,jnt,lnt->nkli", CROSS, weighted, both, optimize=True)
     turned = np.einsum("pkl,nkli->pni", MAPPINGS, by_axis)
     change, size = change[steps], np.linalg.norm(turned, axis=2)
-    # what hardly turns gravity says nothing of the direction
+    # a turn that hardly turns gravity does not show the direction
     size = np.maximum(size, 0.1 * np.median(size[0]) + 1e-12) * angle[steps]
     cosine = (turned * change).sum(axis=2) / size
     agreement = cosine.mean(axis=1)
@@ -75,7 +76,7 @@ def fit_axes(means, step):
     possible = agreement > agreement[best] - LEAD
     sure = agreement[best] > AGREEMENT and not possible[0]
     mapping = None
-    if sure and favour >= max(LEAST_STEPS, STEPS_AGAINST * against):
+    if sure and favour >= LEAST_STEPS * max(1, against):
         same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
         mapping = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
     return {
@@ -89,14 +90,14 @@ def fit_axes(means, step):
 
 
 def mapping_words(mapping):
-    """Return how the axes of the angular rate fit, a mapping of `fit_axes`, in words."""
-    numbers = np.array(mapping or (0, 0, 0))
-    signs, names = (np.array(each)[np.abs(numbers) - 1] for each in (np.eye(3), ANGULAR_RATE))
-    fits = [
-        f"{axis} as {'-' * bool(n < 0)}{name}"
-        for axis, n, name in zip("xyz", numbers, names, strict=True)
-        if n
+    """Return a mapping of `fit_axes` in words, such as "x as gy, y as -gx", None if it is None."""
+    if not mapping:
+        return None
+    axes = [
+        f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"
+        for axis, number in zip("xyz", mapping, strict=True)
+        if number
     ]
-    # a turn, unless the signed permutation mirrors
-    turned = numbers.all() and np.linalg.det(signs * np.sign(numbers)[:, None]) > 0
-    return fits and f"{', '.join(fits)}: {'turned' if turned else 'swapped or mirrored'} axes"
+    matrix = np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
+    kind = "turned" if np.linalg.det(matrix) > 0 else "swapped or mirrored"
+    return f"{', '.join(axes)}: {kind} axes"

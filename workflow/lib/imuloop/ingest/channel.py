@@ -1,31 +1,34 @@
-"""One channel of a log: how its values repeat, keep to an end of its range, or jump."""
+"""One channel of a log: values that repeat, that stay at an end of the range, or that jump.
+
+A *run* is a stretch of rows with one value. Long runs are stuck values, runs at the ends of the
+range are saturation, runs of one row that come back to one value are failed reads, and equal runs
+are values that are held.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-# rows of a block, and quantisation steps that noise spans in it: to two steps only, of noise below
-# the step, says nothing
+# rows of a block, and quantisation steps that noise spans in a block of a fine channel: noise
+# within two steps is below the step
 BLOCK, SPAN = 128, 2.5
-# least rows of a run of equal values that is stuck, and their least ratio to the longest of at
-# least `FEWEST` other runs; the ratio is ten times as large where the others vary more than by
-# chance (noise below the quantisation step)
-LEAST_STUCK, STUCK_FACTOR, COARSE, FEWEST = 10, 5, 10, 50
-# quantisation steps to a value that is far away; rows of equal values between such are a flat top
+# least rows of a stuck run, as a multiple of the rows of the next shorter run; at least `FEWEST`
+# shorter runs show the usual length
+STUCK_FACTOR, FEWEST = 10, 50
+# quantisation steps to a value that is far away; rows of a run between such values that is a flat
+# top
 FAR_STEPS, FLAT_TOP = 8, 3
-# least ratio of the square of the rows at a saturated end of the range to the rows at the next
-# level: with noise of 0.55 steps or more the chance of no row beyond is e^-11
+# the square of the rows at a saturated end of the range exceeds the rows at the level next to it by
+# this factor: noise of 0.55 steps or more does so with a probability of e^-11
 CUT_TAIL = 300
 # steps to the ends of 16 bits, which two rows saturate
 RAILS = (2**15 - 1, 2**15)
-# a value between far ones is a failed read in this share of the rows: at random it comes to a
-# seventh at most, p (1 - p)^2
+# share of rows that hold a failed read: values at random come to a seventh at most, p (1 - p)^2
 OFTEN = 0.2
 # least rows of a value that is held
 LEAST_HELD = 1.25
-# share that is nearly all: of the range, which an integer jumps that wraps around; of the runs of a
-# value that is held; of the quieter half of the blocks, in which a silent axis never changes
+# share that counts as nearly all
 MOST = 0.9
 
 
@@ -35,32 +38,27 @@ def blocks(x):
 
 
 def least_stuck(counts):
-    """Return the least length of runs that is too long for chance, from their `counts` by length.
+    """Return the least number of rows of a stuck run from the `counts` of runs by their rows.
 
-    It is more than the number of all rows if no run is too long.
+    The result is more than the number of all rows if no run is stuck.
     """
     length = np.flatnonzero(counts)
-    count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)
-    most = rows[-1]
-    count, rows = count[:-1], rows[:-1]
-    # the longest run of n with a mean m has about m ln n rows by chance
-    by_chance = length[:-1] <= 1 + 3 * rows / count * np.log(count)
-    least = STUCK_FACTOR * np.where(by_chance, 1, COARSE) * length[:-1]
-    long = (length[1:] >= np.maximum(LEAST_STUCK, least)) & (count >= FEWEST)
-    return length[1:][long].min(initial=most + 1)
+    shorter = np.cumsum(counts[length])[:-1]
+    long = length[1:] >= STUCK_FACTOR * length[:-1]
+    return length[1:][long & (shorter >= FEWEST)].min(initial=counts @ np.arange(len(counts)) + 1)
 
 
 @dataclass
 class Channel:
-    """The samples of a channel, (n,) SI, and what runs of equal values among them show.
+    """The samples of a channel, (n,) SI, and what its runs show.
 
-    `width` is the range of values in each block, and `changed` tells which rows differ from the one
-    before, (n - 1,).
-    `step` is the quantisation step, 0 if it is not known, `low` and `high` are the ends of its
-    range. `is_fine` tells whether noise spans the step in half of the blocks that change. `stuck`
-    are first row and rows of the runs that are too long for chance, and `tops` the values of flat
-    tops. `failed_reads` is the number of rows that hold one value again and again, far from the
-    rows around them.
+    `step` is the quantisation step, 0 if it is unknown. `low` and `high` are the ends of the range
+    of the samples. `width` is the range of values in each block, and `changed` tells which rows
+    differ from the row before, (n - 1,). `is_fine` tells whether noise spans the step in half of
+    the blocks that change.
+    `stuck` are the stuck runs, (first row, rows), and `tops` the values of flat tops.
+    `failed_reads` is the number of rows with the value of failed reads, which are far from the rows
+    before and after.
     """
 
     x: np.ndarray
@@ -72,7 +70,7 @@ class Channel:
         self.width, self.changed = np.ptp(blocks(self.x), axis=1), self.x[1:] != self.x[:-1]
         changing = np.count_nonzero(self.width)
         self.is_fine = np.count_nonzero(self.width > SPAN * self.step) >= changing / 2 > 0
-        # first row and number of rows of the runs of two equal values and more
+        # first row and number of rows of the runs of two rows and more
         edges = np.flatnonzero(np.diff(self.changed, prepend=True, append=True))
         first, lengths = edges[::2], edges[1::2] - edges[::2] + 1
         counts = np.bincount(lengths, minlength=2)
@@ -86,38 +84,43 @@ class Channel:
         # values that are held have flat tops everywhere
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
         alone, often = self.x[1:-1][far[:-1] & far[1:]], OFTEN * len(self.x)
-        rows = 0
+        self.failed_reads = 0
         if self.step and len(alone) > often:
             rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
-        self.failed_reads = rows if rows > often else 0
+            self.failed_reads = rows if rows > often else 0
 
     def wraps(self):
-        """Return the rows before jumps from one end of the range to the other that stay there.
+        """Return the rows before jumps from one end of the range to the other, (k,) of int.
 
-        A value that swings from end to end changes more next to the jump. One that saturates is
-        held at an end. One that is switched on goes from zero to an end.
+        The range of an integer that wraps around has equal ends. A value that swings from end to
+        end changes more before or after the jump, and a value that saturates is held at an end.
         """
-        span = self.high - self.low
-        bits = np.log2(max(span, 1))
-        whole = self.low >= 0 and bits > 11 and 2 ** (np.ceil(bits) - bits) <= 1 / MOST
-        if not (whole or abs(self.low + self.high) / 2 <= (1 - MOST) * span):
+        span, most = self.high - self.low, (1 - MOST) * (self.high - self.low)
+        if not abs(self.low + self.high) <= 2 * most:
             return np.empty(0, dtype=int)
         size = np.abs(np.diff(self.x))
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
         before, after = size[rows - 1], size[rows + 1]
         from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
         held = ((before == 0) & from_end) | ((after == 0) & to_end)
-        beside = np.maximum(before, after)
-        return rows[(0 < beside) & (2 * beside < (1 - MOST) * span) & ~held]
+        change = np.maximum(before, after)
+        return rows[(0 < change) & (2 * change < most) & ~held]
 
 
 def saturation(channels, rate):
     """Return the ends of the range that channels of a sensor keep to: {name: {"values", "rows"}}.
 
-    An end is saturated if many rows are there and few at the next levels, or if it is reached
-    in flat tops, which no smooth motion has. Ends of equal size are one end, as each axis may reach
-    it for a few rows only. A single run of a second or more is a stuck value, unless other ends of
-    this size are saturated. `rate` is in Hz.
+    An end is saturated if many rows are there and few at the level next to it, or if it is reached
+    in flat tops, which no smooth motion has. Each axis may reach an end for a few rows only, so
+    ends of equal size count together. A single run of a second or more is a stuck value, unless
+    other ends of this size are saturated.
+
+    Parameters
+    ----------
+    channels : dict of str to Channel
+        Channels of the sensor.
+    rate : float
+        Samples per second, Hz.
     """
     ends, found = [], {name: {"values": [], "rows": 0} for name in channels}
     for name, c in channels.items():
@@ -125,27 +128,27 @@ def saturation(channels, rate):
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
             away = np.abs(c.x - value)
             rows = np.count_nonzero(away < 0.5 * width)
-            beside = np.count_nonzero(away < 1.5 * width) - rows
-            here = [length for start, length in c.stuck if c.x[start] == value]
+            near = np.count_nonzero(away < 1.5 * width) - rows
+            runs = [length for start, length in c.stuck if c.x[start] == value]
             flat = np.count_nonzero(c.tops == value)
             flat += rows > 1 and c.step > 0 and round(abs(value) / c.step) in RAILS
-            lone = len(here) == 1 and here[0] >= max(rate, MOST * rows)
+            single = len(runs) == 1 and runs[0] >= max(rate, MOST * rows)
             if c.is_fine or flat:
-                ends.append((name, value, rows, beside, flat, width, lone))
+                ends.append((name, value, rows, near, flat, width, single))
     for name, value, rows, *_, width, _ in ends:
         same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width and not e[6]]
-        total, beside, flat = (sum(e[k] for e in same) for k in (2, 3, 4))
-        if flat or total**2 > CUT_TAIL * max(beside, 1):
+        total, near, flat = (sum(e[k] for e in same) for k in (2, 3, 4))
+        if flat or total**2 > CUT_TAIL * max(near, 1):
             found[name]["values"].append(value)
             found[name]["rows"] += int(rows)
     return found
 
 
 def silent(channels, force):
-    """Return the names of channels that never change in most of the quiet blocks.
+    """Return the names of channels that never change in nearly all quiet blocks.
 
-    `force` are the samples of the accelerometer's channels, (n,) each, whose variance tells which
-    half is quiet.
+    `channels` are a sensor's channels by name. `force` are the samples of the three channels of the
+    accelerometer, (n,) each: the half of the blocks with the smaller variance is quiet.
     """
     if all(c.width.all() for c in channels.values()):
         return []
@@ -163,7 +166,10 @@ def silent(channels, force):
 
 
 def rows_a_value(channels):
-    """Return the number of rows for which a sensor's channels hold a value, 1 if they do not."""
+    """Return the number of rows for which a sensor holds each value, 1 if it does not hold them.
+
+    `channels` are a list of its channels.
+    """
     changed = np.any([c.changed for c in channels], axis=0)
     # nine in ten runs of a held value have at least this mean length
     if np.count_nonzero(changed) * MOST * LEAST_HELD > len(changed):

@@ -1,7 +1,7 @@
-"""The table of checks: what is wrong with a log, how bad it is, and what to do.
+"""The table of checks: the faults of a log, how bad each is, and the remedies.
 
-A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log and returns nothing where
-all is well. Else it returns what the message needs: a text, a number, a list of texts, or values by
+A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log. It returns a false value
+if all is well, else the values in the message: a text, a number, a list of texts, or values by
 name. Message and remedy may also name the quality figures, as in ``{rate_hz:.4g}``.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.errors import plural
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
+from imuloop.core.samples import ACCELERATION, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import plausible
@@ -20,40 +20,40 @@ from imuloop.ingest.axes import mapping_words
 from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
 
-# how bad a finding is: of the log nothing else can be said; it cannot be used; it is not what is
-# declared; it may not be what is declared; a user should look at it
-UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = range(5)
+# how bad a finding is: the log cannot be read, and no other check holds; it cannot be used; it
+# contradicts its declaration; it may contradict it; a user should look at it
+SEVERITIES = ("unreadable", "unusable", "misdeclared", "doubtful", "warning")
+UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = SEVERITIES
 
 # a log with fewer samples, or shorter, s, holds no rest worth a mean
 LEAST_ROWS, LEAST_DURATION = 100, 2.0
-# a channel that changes by less in a whole log is none: a thousandth of the best sensors' noise, SI
-LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
+# a thousandth of the best sensors' noise: smaller changes overflow the squares of their inverse, SI
+LEAST_CHANGE = 1e-12
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
-PLAUSIBLE_RATE, USUAL_RATE = (0.05, 1e5), 1e4
-# what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
-PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
-# on average no sensor at rest shows more, and no hand turns faster, rad/s
-PLAUSIBLE_REST, PLAUSIBLE_MEAN_RATE = 1.0, 10.0
+PLAUSIBLE_RATE = (0.05, 1e5)
+# temperatures of an IMU, degC
+PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
+# fastest turns by hand on average, rad/s
+MOST_MEAN_RATE = 10.0
 # a static session rests for this share of its time; its gravity turns by less than no drift of a
 # bias makes, 0.15 g, rad
 LEAST_REST, MOST_TILT = 0.5, 0.15
 # the device turns to and fro where the mean rate of half a second changes by more, rad/s, and by so
 # many times the power of white noise
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
-# times that an integer wraps around, to be named and to make the log useless: logs that were joined
-# jump so once or twice
-LEAST_WRAPS, MOST_WRAPS = 3, 20
+# times that an integer wraps around: a log of several joined logs has such a jump once or twice
+LEAST_WRAPS = 3
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a log: its quality figures, counts of rows, and what is declared of it.
+    """A log for the checks: its quality figures, the counts of its rows, and its declaration.
 
-    `units` are the `RawUnit` of each sensor, `gravity` is in m/s^2, None without an accelerometer,
-    `kind` is what was done with the device, `nominal` are the scales of counts by quantity, and
-    `rate` is the declared one, Hz.
+    `units` are the `RawUnit` of each sensor by quantity. `gravity` is in m/s^2, None if the log
+    lacks the acceleration. `kind` is the kind of session, such as "static", `nominal` the scales of
+    counts by quantity, and `rate` the declared rate, Hz.
     """
 
     figures: dict
@@ -72,17 +72,17 @@ class Evidence:
 
     @property
     def inside(self):
-        """The number of rows in the time range, with lines that are no row."""
+        """The number of rows in the time range, plus the lines that cannot be read."""
         counts = self.counts
         return counts.read - counts.outside - counts.identical + self.log.bad_lines
 
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table. Of the checks about one subject the first that finds something counts."""
+    """A row of the table; among checks about the same subject the first finding counts."""
 
     name: str
-    severity: int
+    severity: str
     measure: Callable
     message: str
     remedy: str = ""
@@ -90,7 +90,7 @@ class Check:
 
 
 def listed(by_name, text="{0} {1}"):
-    """Return a text for each channel or sensor whose count, or rows, are not zero."""
+    """Return a text for each channel or sensor whose count, or number of ``rows``, is not zero."""
     counts = {n: each["rows"] if isinstance(each, dict) else each for n, each in by_name.items()}
     return [text.format(name, by_name[name]) for name, count in counts.items() if count]
 
@@ -116,30 +116,17 @@ def _lost_text(e):
 
 
 def _rate(e):
-    """Return which units of the stamps would make an impossible rate plausible, in words."""
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
-    if e.figures["rows"] < LEAST_ROWS or low <= (rate or low) <= high:
-        return None
-    return _units_that_fit(e) or "."
+    return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
 
-def _short(e):
-    """Return which units of the stamps would make a short log a longer one, in words, or a dot."""
-    unlikely = e.figures["rate_hz"] > USUAL_RATE and _units_that_fit(e)
-    return e.figures["duration_s"] < LEAST_DURATION and (unlikely or ".")
-
-
-def _units_that_fit(e):
-    """Return which units of the stamps would make the rate a usual one, in words."""
+def _units(e):
+    """Return which units of the time stamps would make the rate a usual one, in words, or a dot."""
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
-    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= USUAL_RATE]
-    return fits and f": the stamps look like {' or '.join(fits)}; declare units.time: {fits[0]}"
-
-
-def _in_turn(e):
-    rows, turns = e.figures["rows"], e.faults["in_turn"]
-    both = min(turns.values(), default=0) > MOST_DROPPED * rows
-    return both and sum(turns.values()) > 0.9 * rows and listed(turns)
+    high = plausible.MOST_RATE
+    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= high]
+    words = f": the stamps look like {' or '.join(fits)}; declare units.time: {(*fits, '')[0]}"
+    return words if fits and e.counts.time_unit not in fits else "."
 
 
 def _failed_reads(e):
@@ -148,36 +135,16 @@ def _failed_reads(e):
     return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
-def _unresolved(e):
-    ranges = {n: np.ptp(e.figures["range"][n] or 0.0) for n in LEAST_CHANGE}
-    return [f"{n} changes by {x:.3g}" for n, x in ranges.items() if 0 < x < LEAST_CHANGE[n]]
-
-
-def _wraps(e, least):
-    found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
-    return max(found.values(), default=0) >= least and listed(found, "{} {} times")
-
-
-def _rests(e, condition):
-    """Return what the rests of a log show, angles in degrees too, if a condition on them holds."""
-    rests, angles = e.faults["rests"], ("turned", "change", "gap_turn")
-    found = rests and condition(rests)
-    return found and rests | {f"{name}_deg": rests[name] / DEGREE for name in angles}
-
-
-def _moves(rests):
-    """Return whether the device is turned over, rests too little, or turns to and fro."""
-    # a step of the force without a turn is of the sensor
+def _motion(e):
+    """Return the figures of rests, with angles in degrees, if a static session moves."""
+    rests = e.faults["rests"]
+    if not rests or e.kind != "static":
+        return None
+    # a step of the force without a turn is a fault of the sensor
     tilts = rests["turned"] > max(MOST_TILT, 2 * rests["jump_m_s2"] / rests["force"][1])
     restless = rests["share"] < LEAST_REST or (rests["change_share"] or 0) > MOST_CHANGE_SHARE
-    return tilts or (restless and rests["change"] > MOST_CHANGE)
-
-
-def _fast(e):
-    mean, most = e.figures["mean_angular_rate"], PLAUSIBLE_MEAN_RATE
-    degrees = e.units["angular_rate"].name == "rad/s" and mean * DEGREE < most
-    what = f"{'turn by hand' if mean > most else 'bias'}{', perhaps deg/s' if degrees else ''}"
-    return mean > (PLAUSIBLE_REST if e.kind == "static" else most) and what
+    degrees = {f"{name}_deg": rests[name] / DEGREE for name in ("turned", "change")}
+    return (tilts or (restless and rests["change"] > MOST_CHANGE)) and rests | degrees
 
 
 def _temperature(e):
@@ -186,8 +153,8 @@ def _temperature(e):
 
 
 def _saturated(e):
-    found = e.faults["clipped_at"].items()
-    return listed({n: f for n, f in found if not e.figures["clipped"][n]}, "{0} {1[rows]} samples")
+    rows = {name: found["rows"] for name, found in e.faults["clipped_at"].items()}
+    return listed({name: n or rows.get(name, 0) for name, n in e.figures["clipped"].items()})
 
 
 def _held(e):
@@ -195,13 +162,10 @@ def _held(e):
 
 
 _LOST = f"at most {MOST_DROPPED:.0%} may be lost"
-_SLOWER = "rests, turns and moves with them are left out: choose a wider range or turn more slowly"
-_WRAP = "an integer that wraps around from one end of its range to the other: {}"
-_WIDEN = "widen it in the logger, or choose a wider full scale"
 _STILL = "a static session lies still: declare another kind, or crop it with time_range"
 
 CHECKS = [
-    # what cannot be read
+    # the log cannot be read
     Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
     Check("gravity as rate", UNREADABLE, lambda e: e.counts.is_gravity,
           "the columns of the angular rate hold gravity: vectors of constant length along the "
@@ -209,12 +173,10 @@ CHECKS = [
     Check("two units", UNREADABLE, lambda e: e.counts.in_two_units,
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
-    Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),
-    Check("sensors in turn", UNREADABLE, _in_turn, "exactly zero on all axes, in turn: {} rows",
-          "leave the fields of the other sensor empty, or write a log for each sensor"),
+    Check("rate", UNREADABLE, _rate, "no IMU has a rate of {rate_hz:.3g} Hz{}"),
     Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
           "those between: failed reads", "look at the bus, the driver and the read rate"),
-    # what cannot be used
+    # the log cannot be used
     Check("time range", UNUSABLE, lambda e: not e.inside and e.counts.read,
           "none of the log's {} rows lies in the time range", about="rows length"),
     Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
@@ -223,51 +185,49 @@ CHECKS = [
           "no row", _LOST, "rows"),
     Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
           f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
-    Check("short log", UNUSABLE, _short, "the log lasts {duration_s:.3g} s, at least "
-          f"{LEAST_DURATION:g} s needed{{}}", about="length"),
+    Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION and _units(e),
+          f"the log lasts {{duration_s:.3g}} s, at least {LEAST_DURATION:g} s needed{{}}",
+          about="length"),
     Check("dead accelerometer", UNUSABLE, lambda e: {*ACCELERATION} <= {*e.figures["constant"]},
           "the acceleration never changes: the sensor was not read"),
-    Check("unresolved change", UNUSABLE, _unresolved, "{} in the whole log, which no sensor "
-          "resolves", "see units.acceleration and units.angular_rate"),
-    # what is not as declared: faults and gravity are known
-    Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
-          "overflow force rate gap rest"),
-    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
-          "overflow jump"),
+    Check("unresolved change", UNUSABLE, lambda e: [n for n in CHANNELS if 0 <
+          np.ptp(e.figures["range"][n] or 0.0) < LEAST_CHANGE], "{}: changing by less in the whole "
+          "log than any sensor resolves", "see units.acceleration and units.angular_rate"),
+    # contradictions to the declaration: these checks need the faults and gravity
+    Check("overflow", DOUBTFUL, lambda e: listed({n: k for n, k in e.faults["wraps"].items() if
+          k >= LEAST_WRAPS}, "{} {} times"), "an integer that wraps around from one end of its "
+          "range to the other: {}", "widen it in the logger, or choose a wider full scale", "jump"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
-          "force rate gap"),
-    Check("turn in a gap", DOUBTFUL, lambda e: _rests(e, lambda r: r["gap_turn"] > MOST_TILT),
-          "gravity turns by {gap_turn_deg:.0f}° within the gap at {gap_s:.6g} s: the device was "
-          "turned while nothing was logged, and this turn is left out", about="gap"),
+          "force rate"),
     Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
-          "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
-          "logs were joined", "crop it with time_range", "force jump"),
-    Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
+          "changes by {jump_m_s2:.3g} m/s^2 without a turn: its scale or bias changed, or logs "
+          "were joined", "crop it with time_range", "force jump"),
+    Check("unit of force", MISDECLARED, lambda e: plausible.cause(e, "acceleration"), "{}",
+          about="force"),
     Check("size of force", DOUBTFUL, plausible.size_of_force,
           "{}see units.acceleration and nominal.acceleration", about="force"),
-    Check("unit of rate", MISDECLARED, plausible.unit_of_rate, "{}",
+    Check("unit of rate", MISDECLARED, lambda e: plausible.cause(e, "angular_rate"), "{}",
           "or the log's rate is off by as much", "rate"),
-    Check("size of rate", DOUBTFUL, _fast, "the mean angular rate is {mean_angular_rate:.4g} "
-          "rad/s, too much for a {}", "see units.angular_rate", "rate"),
+    Check("size of rate", DOUBTFUL, lambda e: e.figures["mean_angular_rate"] > MOST_MEAN_RATE,
+          "the mean angular rate is {mean_angular_rate:.4g} rad/s, too much for a turn by hand",
+          "see units.angular_rate", "rate"),
     Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}", "see units.angular_rate and "
           "nominal.angular_rate; or the log's rate is off by as much", "rate"),
-    Check("motion", MISDECLARED, lambda e: e.kind == "static" and _rests(e, _moves),
+    Check("motion", MISDECLARED, _motion,
           "the device rests for {share:.0%} of the time, its mean angular rate changes by "
           "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
           "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
-    # what a user should look at
+    # faults that a user should look at
     Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n in CHANNELS],
           "never changing: {}"),
-    Check("full scale", WARNING, lambda e: listed(e.figures["clipped"]),
-          "samples at the end of the full scale: {}", _SLOWER),
     Check("gaps", WARNING, lambda e: e.figures["gaps"]["count"] and
           plural(e.figures["gaps"]["count"], "gap"), "{}, {gaps[total_s]:.4g} s together"),
     Check("declared rate", WARNING, lambda e: e.rate and e.figures["rate_hz"] and
           abs(e.figures["rate_hz"] / e.rate - 1) > 0.02 and f"{e.rate:g}",
           "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
     Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
-          "lines that are no row shorten a log without stamps by one step each"),
+          "each lost line shortens a log without stamps by one step"),
     Check("identical rows", WARNING, lambda e: e.counts.identical,
           "{} rows identical to the one before, stamp and values: dropped, nothing is lost"),
     Check("spikes", WARNING, lambda e: listed(e.counts.spike_values),
@@ -285,17 +245,14 @@ CHECKS = [
           "a step too coarse, or firmware that holds the value: no noise or bias can be known"),
     Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
           "spikes of a single sample: {}", "check the wiring and the logger"),
-    Check("saturation", WARNING, _saturated, "clipped at a repeated extreme value: {}",
-          f"{_SLOWER}, and declare full_scale"),
+    Check("saturation", WARNING, _saturated, "samples at the end of the range: {}", "rests, turns "
+          "and moves with them are left out: choose a wider range or turn more slowly"),
     Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
           "{}: see columns.acceleration and columns.angular_rate"),
     Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
           "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
-          "see units.temperature", "warmth"),
-    Check("constant temperature", WARNING, lambda e: TEMPERATURE in e.figures["constant"] and
-          e.figures["duration_s"] >= CONSTANT_TEMPERATURE, "temperature is "
-          "{range[temperature][0]:.5g} degC throughout: not read, or too coarse", about="warmth"),
+          "see units.temperature"),
     # one axis in two places fits nowhere
     Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
           mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
@@ -304,12 +261,14 @@ CHECKS = [
 ]  # fmt: skip
 
 
+# a broken log may have a specific force of zero
+@np.errstate(all="ignore")
 def findings(evidence):
     """Return the lines of the checks that find something, {severity: list of str}.
 
-    Of a log that is `UNREADABLE` nothing else is said.
+    An `UNREADABLE` log has a single finding.
     """
-    found, done = {severity: [] for severity in range(WARNING + 1)}, set()
+    found, done = {severity: [] for severity in SEVERITIES}, set()
     unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)
     for check in CHECKS:
         about = {*check.about.split()}

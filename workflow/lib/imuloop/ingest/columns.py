@@ -18,23 +18,27 @@ from imuloop.ingest.spellings import (
 
 # name of the stamps in raw batches; absent where the log has no time column
 STAMP = "stamp"
-# name there of the own stamps of a sensor with a slower clock
+# name there of the time stamps of a sensor with a slower clock
 HELD = "held"
 # name there of the part of a second where that has its own column
 FRACTION = "stamp.fraction"
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
-# most names in a message
+# number of columns of a declared quantity, where it may have several
+_WIDTH = {"time": 2} | dict.fromkeys(SENSORS, len(AXES))
+_WANTED = {"time": "a column, nor two of whole seconds and nanoseconds"}
+_WANTED |= dict.fromkeys(SENSORS, "a list of three columns x, y, z")
+# most names in a message, which keeps it shorter than a screen
 _SHOWN = 60
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Positions of the columns of each quantity, from 0; None where there is none.
+    """Positions of the columns of each quantity, from 0; None if the log lacks it.
 
     A `time` of two columns is whole seconds and a part of a second in units of `part_ns`. `others`
     holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
-    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` holds
-    the sensors whose columns' names say that they are logged as such, `units` the units that the
+    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` are
+    the sensors that are logged as such by the names of their columns, `units` the units that the
     names state, `turned` the axes whose sign is turned.
     """
 
@@ -49,25 +53,27 @@ class Columns:
     turned: frozenset = frozenset()
 
     def raw(self):
-        """Return name of each raw column -> its position: those that are stamps come first."""
-        time = zip((STAMP, FRACTION), _tuple(self.time), strict=False)
-        axes = [zip(names, _tuple(getattr(self, q)), strict=False) for q, names in SENSORS.items()]
-        warm = zip((TEMPERATURE,), _tuple(self.temperature), strict=False)
-        return dict([*time, *self.others.items(), *axes[0], *axes[1], *warm])
+        """Return the position of each raw column by its name: those that are stamps come first."""
+        names = {"time": (STAMP, FRACTION), **SENSORS, "temperature": (TEMPERATURE,)}
+        raw = {}
+        for quantity in _QUANTITIES:
+            raw |= zip(names[quantity], _tuple(getattr(self, quantity)), strict=False)
+            raw |= self.others if quantity == "time" else {}
+        return raw
 
     def stamps(self):
-        """Return how many raw columns are stamps."""
+        """Return the number of raw columns that are stamps."""
         return len(_tuple(self.time)) + len(self.others)
 
     def found(self, names):
-        """Return quantity -> names of its columns."""
-        given = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
+        """Return the names of the columns by quantity: a list, or the name of a single column."""
+        places = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
         for name, at in self.others.items():
             quantity = name.partition(".")[0]
-            given[quantity] = tuple(dict.fromkeys((*given.get(quantity, ()), at)))
+            places[quantity] = tuple(dict.fromkeys((*places.get(quantity, ()), at)))
         return {
             quantity: [names[i] for i in where] if isinstance(where, tuple) else names[where]
-            for quantity, where in given.items()
+            for quantity, where in places.items()
             if where is not None
         }
 
@@ -77,54 +83,63 @@ def _tuple(where):
 
 
 def resolve(names, declared=None, headed=True):
-    """Return which columns hold time, acceleration, angular rate and temperature.
+    """Return the `Columns` that hold time, acceleration, angular rate and temperature.
 
-    `declared` maps a quantity to a column's name or number from 0, three of them for a sensor, two
-    for a time of whole seconds and nanoseconds. A quantity that is left out is found by its usual
-    name; one that is None is taken as not logged. Of a log of one sensor, the other being None, x,
-    y and z are enough. Where the names are not the log's own (`headed`), columns have to be
-    declared by number.
+    Parameters
+    ----------
+    names : list of str
+        Names of all columns of the log.
+    declared : dict, optional
+        A column by its quantity: its name, or its number from 0; three of them for a sensor, two
+        for a time of whole seconds and nanoseconds. A quantity that is left out is found by its
+        usual name. One that is None was not logged: if one sensor was not, x, y and z are names
+        enough of the other one.
+    headed : bool, optional
+        Whether the log itself has the names. Else columns have to be declared by number.
     """
-    declared = dict(declared or {})
+    declared, part_ns, units = dict(declared or {}), 1, {}
     logged = [quantity for quantity in SENSORS if declared.get(quantity, "") is not None]
     alone = logged[0] if len(logged) == 1 else None
-    found, part_ns = guess(names, alone, usual=False), 1
+    usual = guess(names, alone, usual=False)
     if pair := two_parts(names):
-        found["time"] = [(pair[:2], "")]
+        usual["time"] = [pair[:2]]
     elif alone and not headed and len(names) in (len(AXES), len(AXES) + 1):
         first = len(names) - len(AXES)
-        found |= {alone: [(tuple(range(first, len(names))), "")], "time": [(0, "")] * first}
+        usual |= {alone: [tuple(range(first, len(names)))], "time": [0] * first}
     chosen = {
         quantity: _declared(quantity, declared[quantity], names, headed)
         if quantity in declared
-        else _only(quantity, found[quantity], names)
+        else _only(quantity, usual[quantity], names)
         for quantity in _QUANTITIES
     }
-    sensors = [q for q in SENSORS if chosen[q] and headed]
-    summed = {q: name for q in sensors if (name := increment_name(q, names[chosen[q][0]]))}
-    units = {}
-    for quantity, at in chosen.items() if headed else ():
-        if at is not None:
-            usual = next(iter(INCREMENTS[quantity])) if quantity in summed else None
-            units[quantity] = unit_of(quantity, at, names, quantity in summed) or usual
+    taken = [(at, quantity) for quantity, where in chosen.items() for at in _tuple(where)]
+    for k, (at, quantity) in enumerate(taken):
+        if other := dict(taken[:k]).get(at):
+            why = f"column {at}, '{names[at]}', is already in columns.{other}; name another"
+            raise ImuloopError(f"columns.{quantity}: {why}")
+    first = {q: names[chosen[q][0]] for q in SENSORS if chosen[q] and headed}
+    summed = {q: name for q in first if (name := increment_name(q, first[q]))}
+    intervals = _intervals(declared, names, headed, usual["interval"], summed)
+    named = chosen | {"interval": next(iter(intervals.values()), None)}
+    for quantity, at in named.items():
+        if headed and at is not None:
+            units[quantity] = unit_of(quantity, at, names, quantity in summed)
+            if quantity in summed and not units[quantity]:
+                units[quantity] = next(iter(INCREMENTS[quantity]))
     if isinstance(chosen["time"], tuple):
         units["time"] = "ns"
         part_ns = pair[2] if pair and pair[:2] == chosen["time"] else 1
-    intervals = _intervals(declared, names, headed, found["interval"], summed)
-    if intervals and headed:
-        units["interval"] = unit_of("interval", next(iter(intervals.values())), names)
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
-    # those of pps are said without columns, others are KEY.NUMBER
-    more = {f"pps.{name}": value for name, value in declared.get("pps", {}).items()}
-    for name, value in (more | declared.get("others", {})).items():
-        key = name if name in more else name.rpartition(".")[0]
-        others[name] = position(key, value, names, headed)
-    check_each_once({q: [f"{i}, '{names[i]}'," for i in _tuple(at)] for q, at in chosen.items()})
+    for name, column in declared.get("pps", {}).items():
+        others[f"pps.{name}"] = position(f"pps.{name}", column, names, headed)
+    # their names are KEY.NUMBER
+    for name, column in declared.get("others", {}).items():
+        others[name] = position(name.rpartition(".")[0], column, names, headed)
     turned = [
         axis
         for quantity, axes in SENSORS.items()
-        for axis, value in zip(axes, declared.get(quantity) or (), strict=False)
-        if without_sign(value, names)[1]
+        for axis, column in zip(axes, declared.get(quantity) or (), strict=False)
+        if without_sign(column, names) != column
     ]
     return Columns(
         **chosen,
@@ -137,7 +152,7 @@ def resolve(names, declared=None, headed=True):
 
 
 def lacking(quantity, columns):
-    """Return the error of a log, whose columns are listed, without those of a sensor."""
+    """Return the error of a log without the columns of a sensor; `columns` lists those it has."""
     how = "number from 0" if columns.startswith("no header") else "name"
     such = ", such as [1, 2, 3]" * how.startswith("number")
     return Lacking(
@@ -148,92 +163,76 @@ def lacking(quantity, columns):
 
 
 def _only(quantity, found, names):
-    """Return the columns found by their names, None of none; raise where others are as good."""
+    """Return the single column in `found`, None if it is empty; raise if several are as good."""
     if not found:
         return None
-    where = found[0][0]
+    candidates = [name for name in names if name.lower() == names[_tuple(found[0])[0]].lower()]
     if quantity in SENSORS:
-        alike = ["/".join(names[i] for i in each) for each, _ in found[:2]]
-    else:
-        alike = [name for name in names if name.lower() == str(names[_tuple(where)[0]]).lower()]
-    if len(alike) > 1:
-        number = f", by number from 0 to {len(names) - 1}" * (alike[0] == alike[1])
+        candidates = ["/".join(names[i] for i in axes) for axes in found]
+    if len(candidates) > 1:
+        number = f", by number from 0 to {len(names) - 1}" * (candidates[0] == candidates[1])
         raise ImuloopError(
-            f"{alike[0]} and {alike[1]} both look like {quantity}; name one of them in "
+            f"{candidates[0]} and {candidates[1]} both look like {quantity}; name one of them in "
             f"columns.{quantity}{number}"
         )
-    return where
+    return found[0]
 
 
-def check_each_once(chosen):
-    """Raise where a column (quantity -> columns) is taken twice, or for two quantities."""
-    taken = {}
-    for quantity, columns in chosen.items():
-        for column in columns:
-            if column in taken:
-                raise ImuloopError(
-                    f"columns.{quantity}: column {column} is already in columns.{taken[column]}; "
-                    "name another"
-                )
-            taken[column] = quantity
+def _intervals(declared, names, headed, usual, summed):
+    """Return the position of the interval of each sensor's increments, by sensor."""
+    interval = declared.get("interval")
+    if "interval" not in declared and summed:
+        interval = _only("interval", usual, names)
+        # a vehicle_imu of PX4 has two: delta_angle_dt, delta_velocity_dt
+        joined = {" ".join(words_of(name)): at for at, name in enumerate(names)}
+        if {f"{name} dt" for name in summed.values()} <= {*joined}:
+            interval = {quantity: joined[f"{name} dt"] for quantity, name in summed.items()}
+    if interval is None:
+        return {}
+    by_sensor = interval if isinstance(interval, dict) else dict.fromkeys(SENSORS, interval)
+    return {q: position("interval", column, names, headed) for q, column in by_sensor.items()}
 
 
-def _intervals(declared, names, headed, found, summed):
-    """Return sensor -> position of the interval of its increments."""
-    given = declared.get("interval")
-    if given is None and "interval" not in declared and summed:
-        # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
-        joined = [" ".join(words_of(name)) for name in names]
-        own = {q: joined.index(f"{n} dt") for q, n in summed.items() if f"{n} dt" in joined}
-        if own and len(own) == len(summed):
-            given = dict.fromkeys(SENSORS, next(iter(own.values()))) | own
-        else:
-            given = _only("interval", found, names)
-    if given is not None and not isinstance(given, dict):
-        given = dict.fromkeys(SENSORS, given)
-    return {q: position("interval", at, names, headed) for q, at in (given or {}).items()}
-
-
-def _declared(quantity, value, names, headed):
-    """Return the position(s) of a declared column or several of them."""
-    if value is None:
+def _declared(quantity, column, names, headed):
+    """Return the position of a declared column, or a tuple of them."""
+    if column is None:
         return None
-    several, sensor = isinstance(value, (list, tuple)), quantity in SENSORS
-    wanted = len(AXES) if sensor else 2 if quantity == "time" else 0
-    if len(value) != wanted if several else sensor:
-        what = "a list of three columns x, y, z" if sensor else "a column"
-        what += ", nor two of whole seconds and nanoseconds" * (quantity == "time")
-        raise ImuloopError(f"columns.{quantity}: {value!r} is not {what}")
+    several = isinstance(column, (list, tuple))
+    if len(column) != _WIDTH.get(quantity, 0) if several else quantity in SENSORS:
+        raise ImuloopError(
+            f"columns.{quantity}: {column!r} is not {_WANTED.get(quantity, 'a column')}"
+        )
     if not several:
-        return position(quantity, value, names, headed)
-    bare = [without_sign(each, names)[0] if sensor else each for each in value]
-    return tuple(position(quantity, each, names, headed) for each in bare)
+        return position(quantity, column, names, headed)
+    return tuple(position(quantity, each, names, headed) for each in column)
 
 
 def without_sign(column, names=()):
-    """Return a declared column of a sensor, and whether its sign is turned: ``-AccX``, ``-3``."""
+    """Return a declared column of a sensor without the minus that turns it: ``-AccX``, ``-3``."""
     if isinstance(column, str) and column.startswith("-") and column not in names:
-        bare = column[1:]
-        return (int(bare) if bare.isdecimal() else bare), True
-    return column, False
+        return int(column[1:]) if column[1:].isdecimal() else column[1:]
+    return column
 
 
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
+    value = without_sign(value, names) if quantity in SENSORS else value
     number, count = isinstance(value, int) and not isinstance(value, bool), names.count(str(value))
     if number and 0 <= value < len(names):
         return value
     if headed and count == 1 and not number:
         return names.index(str(value))
-    fault = f"no header, so {value!r} cannot be found; name it by number, 0 to {len(names) - 1}"
+    by_number = f"name it by number, 0 to {len(names) - 1}"
     if number:
         fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
-    elif headed and count:
-        fault = f"{count} columns are named '{value}'; name it by number, 0 to {len(names) - 1}"
-    elif headed:
-        fault = f"no column '{value}'; there are {listed(names)}"
-        fault += did_you_mean(str(value), names, 0.5)
+    elif not headed:
+        fault = f"no header, so {value!r} cannot be found; {by_number}"
+    elif count:
+        fault = f"{count} columns are named '{value}'; {by_number}"
+    else:
+        hint = did_you_mean(str(value), names, 0.5)
+        fault = f"no column '{value}'; there are {listed(names)}{hint}"
     raise ImuloopError(f"{key}: {fault}")
 
 

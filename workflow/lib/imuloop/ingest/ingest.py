@@ -306,8 +306,7 @@ def _measure(reading, samples):
         figures["range"] |= dict.fromkeys(axes)
     if absent and faults:
         faults["zero_rows"][absent] = 0
-        faults["in_turn"] = dict.fromkeys(SENSORS, 0)
-        # a change of the force may be a turn, which is not seen
+        # a change of the force is no fault where turns are not seen
         if absent == "angular_rate" and faults["rests"]:
             faults["rests"]["jump_m_s2"] = 0.0
     return figures

@@ -1,246 +1,217 @@
-"""Whether a log is what it is declared to be: units, full scales, increments, milliseconds.
+"""Whether a log fits its declaration: units, full scales, increments, milliseconds.
 
-Two yardsticks need no calibration: gravity, for the specific force at rest, and the direction of
-gravity from rest to rest, for the angular rate. No sensor is off by a half. So what lies at a known
-factor from them is a unit or a full scale declared wrongly; what is merely far away is doubtful.
-Increments of velocity and angle are off by the step of the log in both sensors.
-
-Most functions take the `checks.Evidence` on a log and return what a message needs, or None.
+Gravity checks both sensors without a calibration: its size is the specific force at rest, and its
+direction turns in the axes of the device as the gyroscope says. So each sensor has a `Ratio` of
+its reading to gravity, 1 in a good log. No sensor is off by a half. A ratio that differs
+from 1 is compared with the factors of all other `readings` of the log: another unit, another full
+scale, increments of velocity and angle. The nearest one within the error of the ratio is the cause.
 """
 
-from math import log
+from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
-from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
-from imuloop.core.units import INCREMENTS
+from imuloop.core.units import FACTORS, INCREMENTS
 from imuloop.core.units import TIME as TIME_UNITS
 from imuloop.ingest.rests import measure_turns
 
-# the specific force at rest is gravity within this share; the mean of a log without rests is
-# gravity within this factor
-PLAUSIBLE_FORCE, PLAUSIBLE_MOVING = 0.2, 2.0
-# a ratio is at a known factor within this share, as biases of a tenth of g and scale errors leave
-# it, or within so many standard errors; a ratio whose error is larger than the last says nothing
-NEAR, SIGMAS, MOST_ERROR = 0.1, 3.0, 0.15
-# turns inside moves say as little as the last where the axes agree better, which a hand that
-# accelerates the device does not leave; one force in so many attitudes is gravity
-AGREEMENT, LEAST_ATTITUDES = 0.9, 4
+# the specific force at rest is gravity within the first factor, the mean of a log without rests
+# within the second
+AT_REST, MOVING = 1.25, 2.0
+# error of a ratio by a bias of a tenth of g or a scale error; and the largest error of use. Turns
+# inside moves have it where the axes of both sensors agree better than a hand's accelerations allow
+NEAR, MOST_ERROR, AGREEMENT = 0.1, 0.15, 0.9
 # full scales of a sensor differ by powers of two
-FULL_SCALES = (2, 4, 8, 16)
-# a step of the specific force that needs a turn, of its size
+FULL_SCALES = (2, 4, 8, 16, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
+# step of the specific force that needs a turn, as a share of gravity
 MOST_JUMP = 0.05
-# fastest log in milliseconds, slowest in whole seconds, Hz
-MOST_RATE, EACH_SECOND = 1e4, 0.7
-
-_UNITS = {"acceleration": ACCELERATION_UNITS, "angular_rate": ANGULAR_RATE_UNITS}
+# fastest usual log, and slowest in whole seconds, Hz
+MOST_RATE, LEAST_RATE = 1e4, 0.7
 
 
-def milliseconds(columns, figures, stamps, rate=None):
-    """Return why stamps that are taken as seconds are milliseconds; None if they may be seconds.
+@dataclass(frozen=True)
+class Ratio:
+    """The ratio of a sensor's reading to gravity.
 
-    Takes columns of samples, their quality figures, their times as stamped, s, and the declared
-    rate, Hz.
+    The ratio has a `value`, a relative `error`, and `words`. The sensor is off if the value differs
+    from 1 by more than the factor `most`. `is_cut` tells that a part of the signal is missing,
+    which looks like another full scale.
     """
-    taken, factor, why = figures["rate_hz"], 1 / TIME_UNITS["ms"], None
-    if not figures["faults"] or not taken or taken * factor > MOST_RATE:
-        return None
-    axes, rests = measure_turns(columns, taken * factor, columns["t"])
-    ratio, error, _ = turn_ratio(
-        figures | {"faults": figures["faults"] | {"axes": axes, "rests": rests}}
-    )
-    if rate:
-        if rate > taken * factor / 2:
-            why = f"the declared rate is {_about(rate / taken)} times the rate in seconds"
-    # between the ratio that a sound log has and that of deg/s taken as rad/s
-    elif error and 0.2 < ratio < 100:
-        why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
-    elif taken < EACH_SECOND and np.allclose(stamps, np.rint(stamps), 0, 1e-6):
-        why = f"they are whole, and {taken:.3g} Hz is unusual for an IMU"
-    remedy = "declare units.time: ms, or s if they are"
-    return why and f"the stamps look like milliseconds: {why}; {remedy}"
+
+    value: float
+    error: float
+    most: float
+    words: str
+    is_cut: bool
+
+    @property
+    def is_off(self):
+        """Whether the ratio differs from 1."""
+        return np.isfinite(self.value) and not 1 / self.most <= self.value <= self.most
+
+    def nearest(self, known, error=None):
+        """Return the words of the nearest of the `known` readings within the error, else None."""
+        distances = [(abs(np.log(self.value / factor)), words) for factor, words in known]
+        distance, words = min(distances, default=(inf, None))
+        return words if distance <= np.log(1 + (error or self.error)) else None
 
 
-def _about(number):
-    """Return a number to two digits, as words have it."""
-    return f"{float(f'{number:.2g}'):,.0f}"
+def readings(e, quantity, kind):
+    """Return by how much a log is off if it is read wrongly, a list of (factor, words).
 
-
-def unit_factors(quantity, unit):
-    """Return what a log is off by if its unit is another one, and the words on each."""
-    scale, words = unit.scale, f"taken as {unit.name}, it looks like {{}}; see units.{quantity}"
-    if unit.name == "count":
-        scale, words = 1, f"nominal.{quantity}.scale is in SI per count, and looks like {{}}"
-    known = _UNITS[quantity].items()
-    return [(scale / si, words.format(name)) for name, si in known if si != scale]
-
-
-def increment_factors(quantity, unit, rate):
-    """Return what a log is off by if it holds increments, and what to declare for each."""
-    scale, words = unit.scale, f"units.{quantity}: {{0}}"
-    if unit.name == "count":
-        scale, words = 1, f"nominal.{quantity}.scale: {{1:.6g}}"
-    steps = {name: si * rate for name, si in INCREMENTS[quantity].items()}
-    return [(scale / f, words.format(name, unit.scale * f)) for name, f in steps.items()]
-
-
-def full_scale_factors(quantity, unit):
-    """Return what a log is off by if the full scale is another one, and the words on each."""
-    counts = f"nominal.{quantity}.scale or range.{quantity}"
-    words = f"the one that {counts if unit.name == 'count' else 'the logger'} has"
-    factors = [*FULL_SCALES, *(1 / n for n in FULL_SCALES)]
-    return [(f, f"the sensor's full scale was {1 / f:g} times {words}") for f in factors]
-
-
-def nearest(value, factors, share=NEAR):
-    """Return the words on the factor that a value lies at, within a share; None if at none."""
-    fits = [(abs(log(value / factor)), words) for factor, words in factors if value > 0]
-    away, words = min(fits, default=(np.inf, None))
-    return words if away <= log(1 + share) else None
-
-
-def _cause(e, quantity, ratio, cut, share=NEAR):
-    """Return which unit a ratio of a sensor looks like, or full scale if its range is not cut."""
-    unit = e.units[quantity]
-    cause = nearest(ratio, unit_factors(quantity, unit), share)
-    return cause or (not cut and nearest(ratio, full_scale_factors(quantity, unit), share))
-
-
-def force_off(e):
-    """Return (ratio, rests, words) where the specific force is not gravity, else None.
-
-    The ratio is that of the force at rest, or of its mean, to gravity.
+    The `kind` is "unit", "full scale" or "increments". `e` is the `checks.Evidence`.
     """
-    rests, low = e.faults["rests"], 1 / PLAUSIBLE_MOVING
-    force, high = e.figures["mean_specific_force"], PLAUSIBLE_MOVING
+    unit, nominal = e.units[quantity], f"nominal.{quantity}.scale"
+    counts = unit.name == "count"
+    scale = 1 if counts else unit.scale
+    if kind == "unit":
+        words = f"taken as {unit.name}, it looks like {{}}; see units.{quantity}"
+        words = f"{nominal} is in SI per count, and looks like {{}}" if counts else words
+        known = FACTORS[quantity].items()
+        return [(scale / si, words.format(name)) for name, si in known if si != scale]
+    if kind == "full scale":
+        other = f"the one that {f'{nominal} or range.{quantity}' if counts else 'the logger'} has"
+        return [(n, f"the sensor's full scale was {1 / n:g} times {other}") for n in FULL_SCALES]
+    words = f"{nominal}: {{1:.6g}}" if counts else f"units.{quantity}: {{0}}"
+    steps = {name: si * e.figures["rate_hz"] for name, si in INCREMENTS[quantity].items()}
+    return [(scale / n, words.format(name, unit.scale * n)) for name, n in steps.items()]
+
+
+def ratio_of(e, quantity):
+    """Return the Ratio of a sensor, None where the log shows none."""
+    return force_ratio(e) if quantity == "acceleration" else turn_ratio(e.figures)
+
+
+def force_ratio(e):
+    """Return the Ratio of the specific force to gravity, at rest where the log has rests."""
+    rests, faults = e.faults["rests"], e.faults
+    force, where, most = e.figures["mean_specific_force"], "mean specific force", MOVING
+    cut = bool(e.figures["constant"]) or not rests
     if rests:
-        force, low, high = rests["force"][1], 1 - PLAUSIBLE_FORCE, 1 + PLAUSIBLE_FORCE
-    if low <= force / e.gravity <= high or not np.isfinite(force):
+        (low, force, high), where, most = rests["force"], "specific force at rest", AT_REST
+        # an axis that is dead, stuck or clipped takes its part of gravity away
+        stuck, clipped = faults["stuck"], faults["clipped_at"]
+        cut = cut or any(stuck[n]["stretches"] or clipped[n]["rows"] for n in stuck)
+        cut = cut or high >= 1.5 * low
+    words = f"the {where} is {force:.4g} m/s^2, gravity {e.gravity:.4g}"
+    return Ratio(force / e.gravity, NEAR, most, words, cut)
+
+
+def turn_ratio(figures):
+    """Return the Ratio of turns by the gyroscope to turns of gravity, if the log has any."""
+    axes, rests, clipped = (figures["faults"][key] for key in ("axes", "rests", "clipped_at"))
+    words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
+    # a step of the force looks like a turn
+    if not is_live(figures) or _jumps(rests):
         return None
-    where = "specific force at rest" if rests else "mean specific force"
-    return force / e.gravity, rests, f"the {where} is {force:.4g} m/s^2, gravity {e.gravity:.4g}"
+    if turns := rests and rests["turn_ratio"]:
+        value, words = turns["value"], f"{words}, over {turns['moves']} moves from rest to rest"
+        # three standard errors
+        error = max(NEAR / 2, 3 * turns["std"] / value)
+    elif axes and axes["ratio"] and axes["best"] > AGREEMENT:
+        value, error = axes["ratio"], MOST_ERROR
+    else:
+        return None
+    cut = any(clipped[n]["rows"] or figures["clipped"][n] for n in ANGULAR_RATE)
+    return Ratio(value, error, 1 + max(NEAR, error), words.format(value), cut)
 
 
-def _spread(rests, share):
-    """Return whether the force at rest differs by less than a share."""
-    return rests and rests["force"][2] < rests["force"][0] * (1 + share)
+def is_live(figures):
+    """Return whether the gyroscope shows turns: no axis is stuck, constant, zero or a copy."""
+    faults, constant = figures["faults"], figures["constant"]
+    dead = [n for n in ANGULAR_RATE if faults["stuck"][n]["stretches"] or n in constant]
+    return not (faults["zero_rows"]["angular_rate"] or faults["copies"] or dead)
 
 
-def _is_gravity(rests):
-    """Return whether one force is held in many attitudes, as gravity's is."""
-    return _spread(rests, NEAR) and rests["attitudes"] >= LEAST_ATTITUDES
+def _jumps(rests):
+    """Return whether the specific force has a step between rests without a turn."""
+    return rests and rests["jump_m_s2"] > MOST_JUMP * rests["force"][1]
+
+
+def jump_of_force(e):
+    """Return the figures of rests if the specific force has a step without a turn."""
+    return _jumps(e.faults["rests"]) and is_live(e.figures) and e.faults["rests"]
 
 
 def increments(e):
-    """Return why a log holds increments that are taken as rates.
+    """Return values for a message if both sensors look like increments, taken as rates, else None.
 
-    Both sensors are then off by its step. Where the turns say nothing, one force in many attitudes
-    is gravity. Wrong units may look the same, as mm/s and mrad over 1 ms: they come first.
+    Wrong units may look the same, as mm/s and mrad over 1 ms do: then the units are the cause.
     """
-    ratio, rests, words = force_off(e) or (0, None, "")
-    turned, error, turns = turn_ratio(e.figures)
-    off, rate = {"acceleration": (ratio, NEAR if rests else 0.5)}, e.figures["rate_hz"]
-    if error and error <= MOST_ERROR:
-        off["angular_rate"] = turned, error
-        words = f"{words}, and {turns}: both sensors are off by"
-    elif _is_gravity(rests):
-        words = f"{words}, in {rests['attitudes']} attitudes: gravity is off by"
-    else:
+    ratios = {quantity: ratio_of(e, quantity) for quantity in FACTORS}
+    force, turns = ratios.values()
+    if not (force.is_off and turns and turns.error <= MOST_ERROR):
         return None
-    found = [nearest(f, increment_factors(q, e.units[q], rate), s) for q, (f, s) in off.items()]
-    others = [nearest(f, unit_factors(q, e.units[q]), s) for q, (f, s) in off.items()]
-    if not all(found) or all(others):
-        return None
-    see = "; see units.angular_rate too" if len(off) == 1 else ""
-    return {"words": words, "step": 1 / rate, "unit": f"{' and '.join(found)}{see}"}
-
-
-def unit_of_force(e):
-    """Return which unit, full scale or counts the specific force looks like, where it is off."""
-    ratio, rests, words = force_off(e) or (0, None, "")
-    unit, axes = e.units["acceleration"], e.faults["stuck"]
-    # an axis that is dead, stuck or clipped takes its part of gravity away
-    cut = [n for n in axes if axes[n]["stretches"] or e.faults["clipped_at"][n]["rows"]]
-    cause = _cause(
-        e, "acceleration", ratio, cut or e.figures["constant"] or not _spread(rests, 0.5)
+    # the mean of a moving log is gravity within a factor only
+    errors = {"acceleration": NEAR if e.faults["rests"] else 0.5, "angular_rate": turns.error}
+    found, units = (
+        [ratio.nearest(readings(e, q, kind), errors[q]) for q, ratio in ratios.items()]
+        for kind in ("increments", "unit")
     )
+    if not all(found) or all(units):
+        return None
+    words = f"{force.words}, and {turns.words}: both sensors are off by"
+    return {"words": words, "step": 1 / e.figures["rate_hz"], "unit": " and ".join(found)}
+
+
+def cause(e, quantity):
+    """Return the unit, full scale or counts that a sensor looks like if it is off, as text."""
+    ratio, unit = ratio_of(e, quantity), e.units[quantity]
+    if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):
+        return None
+    known = [] if ratio.is_cut else readings(e, quantity, "full scale")
+    found = ratio.nearest(readings(e, quantity, "unit") + known)
     steps = [(e.figures["quantisation_step"][name] or 0) / unit.scale for name in ACCELERATION]
-    if ratio and not cause and unit.name in ("m/s^2", "g") and np.allclose(steps, 1, 1e-6):
-        scale = "" if (e.nominal or {}).get("acceleration") else ", and nominal.acceleration"
-        cause = f"taken as {unit.name}, whole numbers that look like counts; declare "
-        cause += f"units.acceleration: count{scale}; see units.angular_rate too"
-    return cause and f"{words}: {cause}"
+    if not found and unit.name in ("m/s^2", "g") and np.allclose(steps, 1, 1e-6):
+        scale = "" if (e.nominal or {}).get(quantity) else f", and nominal.{quantity}"
+        found = f"taken as {unit.name}, whole numbers that look like counts; declare units."
+        found += f"{quantity}: count{scale}; see units.angular_rate too"
+    return found and f"{ratio.words}: {found}"
 
 
 def size_of_force(e):
     """Return the words on a specific force that is off by no known factor, before the remedy."""
-    if not (off := force_off(e)):
-        return None
-    ratio, rests, words = off
-    if _is_gravity(rests):
-        words += f": gravity is in it, in {rests['attitudes']} attitudes, {ratio:.2g} of it"
-    elif ratio < 0.3:
-        why = "has gravity been taken out of the log, or does it hold increments per sample?"
-        return f"{words}: {why} If not, "
-    return f"{words}; "
-
-
-def is_live(figures):
-    """Return whether the gyroscope shows turns at all: it is not stuck, padded or a copy."""
-    found, constant = figures["faults"], figures["constant"]
-    dead = [n for n in ANGULAR_RATE if found["stuck"][n]["stretches"] or n in constant]
-    return not (found["zero_rows"]["angular_rate"] or found["copies"] or dead)
-
-
-def jump_of_force(e):
-    """Return the rests if they show a step of the specific force which no turn goes with."""
-    return e.faults["rests"] if _jumps(e.faults["rests"]) and is_live(e.figures) else None
-
-
-def _jumps(rests):
-    """Return whether rests show a step of the specific force which no turn goes with."""
-    return rests and rests["jump_m_s2"] > MOST_JUMP * rests["force"][1]
-
-
-def turn_ratio(figures):
-    """Return how far the angular rate turns the device beside gravity, its error, and the words.
-
-    The ratio is None where nothing is known of it, its error where it says little.
-    """
-    axes, rests = figures["faults"]["axes"], figures["faults"]["rests"]
-    words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
-    # a jump of the force is no turn
-    if not is_live(figures) or _jumps(rests):
-        return None, None, ""
-    if ratio := rests and rests["turn_ratio"]:
-        value, std = ratio["value"], ratio["std"]
-        words = f"{words.format(value)}, over {ratio['moves']} moves from rest to rest"
-        return value, max(NEAR / 2, SIGMAS * std / value), words
-    if axes and axes["ratio"]:
-        error = MOST_ERROR if axes["best"] > AGREEMENT else None
-        return axes["ratio"], error, words.format(axes["ratio"])
-    return None, None, ""
-
-
-def is_cut(e):
-    """Return whether the angular rate reaches the end of its range, which looks like a scale."""
-    clipped = e.faults["clipped_at"]
-    return any(clipped[n]["rows"] or e.figures["clipped"][n] for n in ANGULAR_RATE)
-
-
-def unit_of_rate(e):
-    """Return which unit or full scale the angular rate looks like, where turns show it."""
-    value, error, words = turn_ratio(e.figures)
-    if not error or error > MOST_ERROR:
-        return None
-    cause = _cause(e, "angular_rate", value, is_cut(e), error)
-    return cause and f"{words}: {cause}"
+    ratio = force_ratio(e)
+    # another full scale would leave more
+    why = ": has gravity been removed from the log, or does it hold increments per sample? If not, "
+    return ratio.is_off and ratio.words + (why if ratio.value < 0.3 else "; ")
 
 
 def scale_of_rate(e):
-    """Return the words on an angular rate that turns the device too far, by no known factor."""
-    value, error, words = turn_ratio(e.figures)
-    far = error and abs(log(value)) > log(1 + max(NEAR, error))
-    return far and not is_cut(e) and f"{words}: its scale is off by as much"
+    """Return the words on an angular rate that is off by no known factor."""
+    ratio = turn_ratio(e.figures)
+    off = ratio and ratio.is_off and not ratio.is_cut
+    return off and f"{ratio.words}: its scale is off by as much"
+
+
+def milliseconds(columns, figures, stamps, rate=None):
+    """Return the reason why time stamps, taken as seconds, are milliseconds, None if they are not.
+
+    Parameters
+    ----------
+    columns, figures : dict
+        Columns of the samples, and their quality figures.
+    stamps : array_like, shape (n,)
+        Time stamps, s.
+    rate : float, optional
+        Declared rate, Hz.
+    """
+    factor, in_seconds, why = 1 / TIME_UNITS["ms"], figures["rate_hz"], None
+    if not figures["faults"] or in_seconds * factor > MOST_RATE:
+        return None
+    axes, rests = measure_turns(columns, in_seconds * factor, columns["t"])
+    faults = figures["faults"] | {"axes": axes, "rests": rests}
+    ratio = turn_ratio(figures | {"faults": faults})
+    if rate:
+        if rate > in_seconds * factor / 2:
+            why = f"the declared rate is {rate / in_seconds:,.0f} times the rate in seconds"
+    # from the ratio of a good log to the ratio of a log in deg/s, taken as rad/s
+    elif ratio and 0.2 < ratio.value < 100:
+        times = float(f"{ratio.value * factor:.2g}")
+        why = f"turns measured by the gyroscope are {times:,.0f} times those of gravity"
+    elif in_seconds < LEAST_RATE and np.allclose(stamps, np.rint(stamps), 0, 1e-6):
+        why = f"they are whole, and {in_seconds:.3g} Hz is unusual for an IMU"
+    remedy = "declare units.time: ms, or s if they are"
+    return why and f"the stamps look like milliseconds: {why}; {remedy}"

@@ -1,6 +1,6 @@
-"""How good a log is, in figures: steps of time, gaps, ranges, and the faults of its channels.
+"""The quality figures of a log: steps of time, gaps, ranges, and the faults of its channels.
 
-What the figures mean for the user is said by the table of `checks`.
+The table of `checks` turns them into lines for the user.
 """
 
 from itertools import combinations
@@ -18,7 +18,6 @@ from imuloop.core.samples import (
     SENSORS,
     TEMPERATURE,
     TIME,
-    other_sensor,
     own_rows,
 )
 from imuloop.ingest import channel, spikes
@@ -26,11 +25,11 @@ from imuloop.ingest.channel import Channel
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 from imuloop.ingest.rests import measure_turns
 
-# at most so many gaps are listed; all are counted
+# longest list of gaps; all gaps are counted
 LISTED_GAPS = 50
 # samples at this share of the declared full scale and beyond are clipped
 CLIPPED_SHARE = 0.98
-# a gap that a device may be turned in is longer, s
+# shortest gap in which a device may be turned, s
 TURN_GAP = 0.2
 # no sensor is faster, Hz: stamps of a damaged file may lie 1e-300 s apart
 FASTEST = 1e9
@@ -41,7 +40,7 @@ FASTEST = 1e9
 def measure(columns, raw_units, full_scale=None):
     """Return the quality figures of samples, as in quality.json.
 
-    The figures of a sensor with a slower clock of its own are by its own samples.
+    The figures of a sensor with a slower clock use the rows with its new samples.
 
     Parameters
     ----------
@@ -55,19 +54,17 @@ def measure(columns, raw_units, full_scale=None):
     Returns
     -------
     dict
-        None stands for what the rows cannot give. ``isolated`` holds the rows and the channel
+        A figure is None if the rows do not give it. ``isolated`` holds the rows and the channel
         numbers of the spikes to be dropped, two arrays (k,).
     """
     t, scales = columns[TIME], full_scale or {}
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in columns]
     ranges = {name: _range(columns[name]) for name in names}
-    limits = {
-        n: CLIPPED_SHARE * scales.get(q, np.nan) for q, axes in QUANTITIES.items() for n in axes
-    }
     figures = time_figures(t) | {
         "clipped": {
-            name: int(np.count_nonzero(np.abs(columns[name]) >= limit)) if limit > 0 else None
-            for name, limit in limits.items()
+            n: int(np.sum(np.abs(columns[n]) >= CLIPPED_SHARE * scales[q])) if q in scales else None
+            for q, axes in QUANTITIES.items()
+            for n in axes
         },
         # one row changes nothing
         "constant": [n for n, ends in ranges.items() if len(t) > 1 and ends and not np.ptp(ends)],
@@ -88,7 +85,7 @@ def measure(columns, raw_units, full_scale=None):
 
 
 def _mean_size(columns, axes):
-    """Return the mean magnitude of the vectors of some columns, None without rows."""
+    """Return the mean magnitude of the vectors in the columns `axes`, None of an empty log."""
     size = np.sqrt(sum(columns[name] ** 2 for name in axes))
     return float(size.mean()) if len(size) else None
 
@@ -118,14 +115,14 @@ def time_figures(t):
 
 
 def _range(x):
-    """Return the least and the largest value of a channel, None without a value."""
+    """Return the least and the largest value of a channel, None if it has no value."""
     ends = [float(np.fmin.reduce(x)), float(np.fmax.reduce(x))] if len(x) else [np.nan]
     return ends if np.isfinite(ends).all() else None
 
 
 def quantisation_step(x):
     """Return the smallest step between values of a channel, None where most are distinct."""
-    # a part of a long log shows it
+    # the first part of a long log is enough
     x = x[:ROWS][np.isfinite(x[:ROWS])]
     levels = np.sort(pd.unique(x))
     if not 2 <= len(levels) <= len(x) / 2:
@@ -137,28 +134,28 @@ def quantisation_step(x):
 
 
 def _faults(columns, names, zeros, figures):
-    """Return the figures ``faults``, ``isolated`` and, of two clocks, ``slower`` of samples.
+    """Return the figures ``faults``, ``isolated`` and, with two clocks, ``slower`` of samples.
 
-    `names` are the channels among the `columns`, `zeros` the values that zero counts have, and
+    `names` are the channels among the `columns`, `zeros` the values of zero counts by channel, and
     `figures` the other quality figures.
     """
     t, x = columns[TIME], {name: columns[name] for name in names}
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
     # the rows with a new sample of each sensor, and its rate
-    rows, rates, added = dict.fromkeys(SENSORS, slice(None)), {}, {}
-    groups = [(slice(None), CHANNELS)]
+    rows, rates = dict.fromkeys(SENSORS, slice(None)), dict.fromkeys(SENSORS, figures["rate_hz"])
+    added, groups = {}, [(slice(None), CHANNELS)]
     for sensor in (each for each, stamps in OWN_TIME.items() if stamps in columns):
         rows[sensor] = first = own_rows(columns[OWN_TIME[sensor]])
-        rates[sensor] = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
-        added["slower"] = {"sensor": sensor, "rate_hz": rates[sensor], "rows": len(first)}
-        groups = [(slice(None), SENSORS[other_sensor(sensor)]), (first, SENSORS[sensor])]
+        rate = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
+        added["slower"] = {"sensor": sensor, "rate_hz": rate, "rows": len(first)}
+        rates[sensor] = rate or figures["rate_hz"]
+        groups = [(rows[name], axes) for name, axes in SENSORS.items()]
     single = np.hstack([_isolated(x, steps, *group) for group in groups])
     zero = [np.all([x[n] == zeros[n] for n in axes], axis=0) for axes in SENSORS.values()]
-    # a gyroscope at rest may well show three zeros; an accelerometer never does
+    # a gyroscope at rest may show three zeros, an accelerometer never does
     padding = zero[0], zero[0] & zero[1]
     faults = {
         "zero_rows": dict(zip(QUANTITIES, map(np.count_nonzero, padding), strict=True)),
-        "in_turn": {q: np.count_nonzero(zero[k] & ~zero[1 - k]) for k, q in enumerate(QUANTITIES)},
         "copies": [
             [one, other]
             for one, other in combinations(names, 2)
@@ -168,57 +165,55 @@ def _faults(columns, names, zeros, figures):
         "silent_at_rest": [],
     } | {name: {} for name in ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")}
     for k, (sensor, (quantity, axes)) in enumerate(zip(SENSORS, QUANTITIES.items(), strict=True)):
-        at, rate = rows[sensor], rates.get(sensor) or figures["rate_hz"]
+        at, rate = rows[sensor], rates[sensor]
         if padding[k].any():
             x |= {name: np.where(padding[k], np.nan, x[name]) for name in axes}
         channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
         silent = channel.silent(channels, [columns[n][at] for n in ACCELERATION])
         clipped = channel.saturation(channels, rate)
-        # a silent channel is not stuck, and a saturated one not at the end of its range
-        stuck = {
-            n: [r for r in c.stuck if n not in silent and c.x[r[0]] not in clipped[n]["values"]]
-            for n, c in channels.items()
-        }
-        wraps = {name: c.wraps() for name, c in channels.items()}
         is_zero = zero[k][at]
         alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
         alone = alone if alone > channel.OFTEN * len(is_zero) else 0
-        faults["failed_reads"] |= {n: alone or c.failed_reads for n, c in channels.items()}
-        faults["stuck"] |= {n: _stuck(stuck[n], t[at], rate) for n in axes}
-        faults["spikes"] |= {n: spikes.count_jumps(c.x, c.step) for n, c in channels.items()}
-        faults["wraps"] |= {name: len(before) for name, before in wraps.items()}
-        faults["clipped_at"] |= clipped
-        faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
-        faults["silent_at_rest"] += silent
-        # where an integer wraps around nothing is known of a turn
-        for name, before in wraps.items():
+        for name, c in channels.items():
+            # a silent channel is not stuck, and a saturated one not at the end of its range
+            ends = clipped[name]["values"]
+            stuck = [run for run in c.stuck if name not in silent and c.x[run[0]] not in ends]
+            faults["failed_reads"][name] = alone or c.failed_reads
+            faults["stuck"][name] = _stuck(stuck, t[at], rate)
+            faults["spikes"][name] = spikes.count_jumps(c.x, c.step)
+            before = c.wraps()
+            faults["wraps"][name] = len(before)
+            # the values at a wrap of an integer are wrong
             if len(before):
                 x[name] = x[name].copy()
                 x[name][np.arange(len(t))[at][np.append(before, before + 1)]] = np.nan
+        faults["clipped_at"] |= clipped
+        faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
+        faults["silent_at_rest"] += silent
     if TEMPERATURE in x:
         faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
     long = np.diff(t)
     gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"], TURN_GAP))
-    # where single rows are lost fewer come in a second than the usual step says
+    # lost rows make the mean rate less than the usual step says
     rate = (len(t) - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
     faults["axes"], faults["rests"] = measure_turns(x, np.fmin(rate, FASTEST), t, gaps)
     return {"faults": faults, "isolated": single} | added
 
 
 def _isolated(x, steps, at, names):
-    """Return rows and channel numbers of the spikes of some channels, (2, k).
+    """Return the rows and the channel numbers of the spikes in the channels `names`, (2, k).
 
-    `at` are the rows with a new sample. A spike is in all rows that hold it.
+    `at` are the rows with a new sample. A spike counts in all rows that hold it.
     """
-    found = spikes.isolated([x[n][at] for n in CHANNELS], [steps[n] for n in CHANNELS])
+    found = spikes.isolated([x[n][at] for n in names], [steps[n] for n in names])
     edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
-    kept = [(i, k) for i, k in found.T if CHANNELS[k] in names]
-    held = [(row, k) for i, k in kept for row in range(edges[i], edges[i + 1])]
+    numbers = [CHANNELS.index(name) for name in names]
+    held = [(row, numbers[k]) for i, k in found.T for row in range(edges[i], edges[i + 1])]
     return np.array(held, dtype=int).reshape(-1, 2).T
 
 
 def _stuck(runs, t, rate):
-    """Return how often, for how many rows, how long at most and when a channel was stuck."""
+    """Return the figure ``stuck`` of a channel by its stuck runs, (first row, rows) each."""
     spans = [[t[i].item(), t[i + n - 1].item()] for i, n in runs]
     return {
         "stretches": len(runs),
@@ -232,8 +227,9 @@ def _stuck(runs, t, rate):
 def rails(figures, full_scale=None):
     """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
 
-    A value there may be any beyond it. The ends are those of the declared `full_scale`, else the
-    repeated extreme values among the `figures`; None for an end that is not reached.
+    The true value of such a sample lies at the end or beyond. The ends are the declared
+    `full_scale`, else the repeated extreme values in the `figures`; None for an end that no sample
+    reaches.
     """
     ends, found = {}, figures["faults"].get("clipped_at", {})
     for name, limits in figures["range"].items():
@@ -246,6 +242,6 @@ def rails(figures, full_scale=None):
 
 
 def stuck(figures):
-    """Return the spans in which a channel keeps one value, (n, 2) s: it shows nothing."""
+    """Return the time spans in which a channel is stuck, a list of [first, last], s."""
     each = figures["faults"].get("stuck", {}).values()
     return sorted(span for channel in each for span in channel["spans_s"])

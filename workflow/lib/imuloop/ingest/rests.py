@@ -1,13 +1,13 @@
-"""What a log shows while the device is held still: specific force, attitudes, and moves between.
+"""The rests of a log: specific force and attitudes while the device is still, and moves between.
 
 A *window* is half a second. A *stop* is a few neighbouring windows that are quiet and have one
-attitude. A *move* lies between two stops. Over a move the gyroscope has to turn gravity from u₁,
-where one stop has it, to u₂, where the next one has it. With the rate r as logged, its bias b and a
-scale k, which is one in a good log,
+attitude. A *move* lies between two stops. It turns gravity in the axes of the device from the
+direction u₁ at the first stop to u₂ at the second one. With the angular rate r as logged, its bias
+b and its scale k, which is 1 in a good log,
 
     u₂ = ∏ exp(-[(r - b) dt / k]×) u₁.
 
-The device rests where a move begins and ends, so no acceleration of the hand enters.
+The device rests where a move begins and ends, so no acceleration by the hand enters.
 """
 
 from itertools import pairwise
@@ -20,31 +20,31 @@ from imuloop.core.sphere import count_attitudes
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
 
-# length of a window, and of the means that it is made of, s
+# length of a window, and of the means in it, s
 WINDOW, FINE = 0.5, 0.04
-# largest ratio of the variance of a quiet window to the variance in the quietest twentieth of a log
+# variance of a quiet window, as a multiple of the least twentieth of all variances
 QUIET = 10.0
-# gravity turns by less from window to window of a stop, rad
+# largest turn of gravity from window to window of a stop, rad
 STILL = 0.02
-# least angle by which a move turns gravity, rad, and its longest duration, s
+# least turn of gravity in a move, rad, and longest move, s
 LEAST_TURN, LONGEST_MOVE = 0.35, 20.0
-# least number of moves for a scale, and largest number that is used of a long log
+# moves that a scale needs, and moves of a long log that are used
 LEAST_MOVES, MOST_MOVES = 3, 64
-# the scale is looked for within this factor of a guess; a move whose best scale leaves more than
-# this share of its turn says nothing
+# scales that are tried, as multiples of a guess; a move is left out if its best scale leaves more
+# than this share of its turn
 NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
-# attitudes differ by more, rad
+# least angle between two attitudes, rad
 APART = 0.17
-# largest number of windows between stops with a jump of the force, and least ratio of the jump to
-# the change of gravity by the angular rate
+# most windows between the two stops of a jump of the force, and the least jump as a multiple of the
+# turn of gravity that the angular rate explains
 WINDOWS_BETWEEN, UNTURNED = 3, 5.0
 
 
 def measure_turns(x, rate, t, gaps=()):
-    """Return figures of turns and of rests from channels, (n,) by name, at a rate, Hz.
+    """Return the figures `axes` and `rests` in quality.schema.yaml.
 
-    These are `axes` and `rests` in quality.schema.yaml. `t` is the time of each row, s, and `gaps`
-    are the rows before gaps.
+    `x` are the channels, (n,) by name, `rate` is their rate, Hz, `t` the time of each row, s, (n,),
+    and `gaps` the rows before gaps.
     """
     rows = max(round(FINE * rate), 1)
     parts = [x[name][: len(t) // rows * rows].reshape(-1, rows) for name in CHANNELS]
@@ -60,7 +60,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return the figures `rests` of quality.schema.yaml from the stops of a log, if it has any.
+    """Return the figures of the stops, `rests` in quality.schema.yaml, if the log has any stop.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     gaps : array_like of int
         The rows before gaps.
     guess : float, optional
-        The scale of the angular rate that turns inside moves show.
+        Scale of the angular rate by turns inside moves.
     """
     fine = max(round(WINDOW / step), 4)
     count, width = means.shape[1] // fine, fine * rows
@@ -81,7 +81,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     known = np.isfinite(spread) & np.isfinite(turning.sum(axis=0)) & (size > 0)
     if count < 2 or not known.any():
         return None
-    # what rounding leaves of a force that does not change is as quiet as nothing
+    # rounding gives a force that does not change a small variance
     floor = 1e-20 * (size[known] ** 2).min()
     quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
     u = centre / np.where(known, size, 1.0)
@@ -89,33 +89,30 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     rests = stretches_of(together) + np.array([0, 1])
     if not len(rests):
         return None
-    # the quiet windows, and the steps from one to the next one, where it is near
+    # the windows of stops
     at = np.flatnonzero(np.append(together, False) | np.append(False, together))
     bias = np.median(turning[:, at], axis=1)
-    gaps = np.append(np.asarray(gaps, dtype=int), len(t) + width)
 
-    def gap_row(i, j):
-        """Return the last rows before gaps from windows i to windows j, else -1."""
-        last = gaps[np.searchsorted(gaps, i * width)]
-        return np.where(last < (j + 1) * width, last, -1)
+    def has_gap(i, j):
+        """Return whether there is a gap in the windows from i to j."""
+        return np.searchsorted(gaps, i * width) < np.searchsorted(gaps, (j + 1) * width)
 
     moves, half = [], fine // 2
     for (_, a), (b, _) in pairwise(rests):
         far = angle_between(u[:, a - 1], u[:, b]) > LEAST_TURN
-        if far and gap_row(a - 1, b) < 0 and (b - a) * fine * step < LONGEST_MOVE:
+        if far and not has_gap(a - 1, b) and (b - a) * fine * step < LONGEST_MOVE:
             rates = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - fine]
             moves.append((u[:, a - 1], u[:, b], (rates.T - bias) * step))
     ratio = turn_ratio(moves[:: len(moves) // MOST_MOVES + 1], NEAR * (guess or 1.0))
     scale = ratio["value"] if ratio else guess or 1.0
 
+    # from each window of a stop to the next one, if it is near
     i, j = at[:-1], at[1:]
     i, j = i[j - i <= WINDOWS_BETWEEN + 1], j[j - i <= WINDOWS_BETWEEN + 1]
-    row = gap_row(i, j)
-    in_gap = np.where(row >= 0, angle_between(u[:, i], u[:, j]), 0.0)
     speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * step / scale
     turned = sums_over(speed, np.column_stack([i, j + 1])) * size[i]
     jump = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
-    jump[(row >= 0) | (jump <= UNTURNED * turned)] = 0.0
+    jump[has_gap(i, j) | (jump <= UNTURNED * turned)] = 0.0
     both = known[1:] & known[:-1]
     change, white = np.median(_changes(rate, turning)[:, both], axis=1)
 
@@ -129,20 +126,18 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
         "turn_ratio": ratio,
         "jump_m_s2": float(jump.max()),
         "jump_s": float(t[j[jump.argmax()] * width]),
-        "gap_turn": float(in_gap.max()),
-        "gap_s": float(t[row[in_gap.argmax()]]) if in_gap.any() else None,
         "change": float(np.sqrt(change)),
         "change_share": float(change / white) if white > 0 else None,
     }
 
 
 def turn_ratio(moves, scales):
-    """Return the ratio of the turns over moves by the angular rate to the turns by gravity.
+    """Return the ratio of turns by the angular rate to turns of gravity over moves.
 
     Parameters
     ----------
     moves : list of tuple
-        Gravity's direction before and after, and the rotation vectors between, (n, 3) rad.
+        Directions of gravity before and after, (3,), and rotation vectors between, (n, 3) rad.
     scales : array_like, shape (s,)
         Scales that are tried.
 
@@ -150,28 +145,32 @@ def turn_ratio(moves, scales):
     -------
     dict or None
         `value`, the median of the moves, its standard error `std`, and `moves`, their number. None
-        where too few moves can be explained by any scale.
+        if too few moves have a scale.
     """
     found = np.log([k for move in moves if (k := _scale(*move, scales))])
     if len(found) < max(LEAST_MOVES, len(moves) / 2):
         return None
     middle = np.median(found)
     value = float(np.exp(middle))
-    # standard deviation of a normal distribution by the median of the distances from its median,
-    # and standard error of a median from the one of a mean
+    # 1.4826 median distances from the median are the standard deviation of a normal distribution,
+    # and the median has 1.2533 times the standard error of the mean
     spread = 1.4826 * 1.2533 * np.median(np.abs(found - middle))
     return {"value": value, "std": float(value * spread / np.sqrt(len(found))), "moves": len(found)}
 
 
 def _scale(before, after, steps, scales):
-    """Return the scale that turns gravity over a move from before to after; None if none does."""
+    """Return the scale that turns gravity over a move from before to after, None if none does.
+
+    `before` and `after` are directions, (3,), `steps` the rotation vectors between, (n, 3) rad, and
+    `scales` those that are tried, (s,).
+    """
     turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
     left = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
     i = int(np.argmin(left))
     most = (MOST_LEFT * angle_between(before, after)) ** 2
     if not 0 < i < len(scales) - 1 or not left[i] < most:
         return None
-    # the square of the angle left is a parabola about the least
+    # the square of the remaining angle is a parabola about its minimum
     below, at, above = left[i - 1 : i + 2]
     bend = below - 2 * at + above
     away = 0.5 * (below - above) / bend if bend > 0 else 0.0
@@ -179,11 +178,11 @@ def _scale(before, after, steps, scales):
 
 
 def _changes(rate, turning):
-    """Return the change of the mean rate from window to window and of white noise, squared, (2, n).
+    """Return the squared change of the mean rate from window to window, and its noise, (2, n).
 
-    `rate` are the means within windows, (3, n + 1, k), and `turning` theirs. White noise gives the
-    mean of k values a variance of theirs over k, and twice that to a difference. Their variance is
-    half the mean square of the difference of neighbours.
+    `rate` are the k means within each window, (3, n + 1, k), and `turning` their means, (3, n + 1).
+    White noise of variance v gives the mean of k values the variance v / k, and a difference of two
+    such means twice that. v is half the mean square of the difference of neighbouring values.
     """
     white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
     return np.array([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])

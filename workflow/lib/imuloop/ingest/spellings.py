@@ -1,4 +1,4 @@
-"""How logs call columns and units: the table `names.yaml`, and what a name says by it."""
+"""How logs call columns and units: the table `names.yaml`, and the meaning of a name by it."""
 
 import re
 import unicodedata
@@ -6,46 +6,46 @@ from fnmatch import translate
 from functools import lru_cache
 from itertools import islice, product
 from pathlib import Path
+from typing import NamedTuple
 
 import yaml
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION as FORCES
 from imuloop.core.samples import ANGULAR_RATE as RATES
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TIME
+from imuloop.core.units import FACTORS, INCREMENTS, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 
 AXES = ("x", "y", "z")
-# names there of the axes of each sensor
+# names of the axes of each sensor in samples
 SENSORS = {"acceleration": FORCES, "angular_rate": RATES}
 # units that are read, the first where neither the config nor the log says; count needs nominal
 UNITS = {
     "time": (*TIME,),
-    "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
-    "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
+    **{quantity: (*FACTORS[quantity], "count", *INCREMENTS[quantity]) for quantity in FACTORS},
     "temperature": (*DEGREES,),
     "interval": (*TIME,),
 }
 TABLE = yaml.safe_load(Path(__file__).with_name("names.yaml").read_text(encoding="utf-8"))
-_NAMES = TABLE["columns"]
-_PLACE, _DERIVED = (frozenset(TABLE[key]) for key in ("place", "derived"))
-_SHOWS = {q: re.compile("|".join(map(translate, _NAMES[q]["words"]))) for q in SENSORS}
-# names of one word, to which an axis may be joined: gx, xacc
-_JOINED = {n for q in SENSORS for kind, of in _NAMES[q].items() for n in of if kind != "words"}
+_PLACE, _DERIVED, _CLOCK = (frozenset(TABLE[key]) for key in ("place", "derived", "clock"))
+# ways in which a name shows a quantity, the best first: the keys of the table, and `prefixed`, a
+# usual name after other words
+_USUAL, _INCREMENTS, _WORDS, _PREFIXED, _LAST = range(5)
+_KINDS = {"names": _USUAL, "increments": _INCREMENTS, "last": _LAST}
+# name -> its kind, and its place among the names of that kind
+_KNOWN = {
+    quantity: {n: (k, i) for kind, k in _KINDS.items() for i, n in enumerate(names.get(kind, ()))}
+    for quantity, names in TABLE["columns"].items()
+}
+_SHOWS = {q: re.compile("|".join(map(translate, TABLE["columns"][q]["words"]))) for q in SENSORS}
 # between words that have no sign between them
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)")
 # an axis in brackets, at the end but for the unit: acc[0], Accelerometer (z) [g]
 _INDEX = re.compile(r"[\[({]([012xyz])[\])}](?=\s*([\[({]|\Z))", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]((?:[^\[\](){}]|\([^()]*\))*)[\])}]")
-# how a name may show a quantity, the best first: the keys of the table, and after a prefix
-_KINDS = ("names", "second", "increments", "words", "prefixed", "last")
-_USUAL = [(_KINDS.index(kind), False) for kind in ("names", "second")]
-_WORDS, _PREFIXED = _KINDS.index("words"), _KINDS.index("prefixed")
-_NONE = (len(_KINDS), False), 0, "", ""
-# a column of whole seconds, one of its part, and how many ns that counts
-_WHOLE = re.compile(r"(.*?)secs?|()seconds", re.IGNORECASE)
-_PART = re.compile(r"(.*?)(n|nano|u)secs?|()(nano|micro|milli)seconds", re.IGNORECASE)
-_PART_NS = {"n": 1, "nano": 1, "u": 1000, "micro": 1000, "milli": 10**6}
+# a column of whole seconds, and one of its part
+_WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
+_PART = re.compile(r"(.*?)((?:n|u|nano|micro|milli)(?:secs?|seconds))", re.IGNORECASE)
 
 
 def _plain(text):
@@ -60,11 +60,27 @@ _SPELT = {
 _SPELT["interval"] = _SPELT["time"]
 
 
-def stated_unit(quantity, text, increments=False):
-    """Return the contract's name of a unit as a file spells it, m/s^2 of "m s^-2", or None.
+class _Match(NamedTuple):
+    """How a name shows a quantity; of several matches the least is the best.
 
-    Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
-    `increments`.
+    `ending` tells whether the words of a unit were left out. `skipped` is the number of words
+    before the known `name`, which are the `prefix`, and `place` is the place of the name in the
+    table.
+    """
+
+    kind: int
+    ending: bool
+    skipped: int
+    place: int
+    name: str
+    prefix: str = ""
+
+
+def stated_unit(quantity, text, increments=False):
+    """Return the name of a unit in the config by its spelling in a file, None if it is not known.
+
+    "m s^-2" is m/s^2. A log that has `deg` as the unit of a rate means deg/s: an angle counts as an
+    increment only with `increments`.
     """
     unit = _SPELT[quantity].get(_plain(text))
     summed = unit in INCREMENTS.get(quantity, ())
@@ -74,14 +90,14 @@ def stated_unit(quantity, text, increments=False):
 
 
 def is_iso(unit):
-    """Tell whether a time unit is declared as ISO 8601, however it is spelt."""
+    """Return whether a unit of time, in any spelling, is ISO 8601."""
     return _plain(unit) in ("iso", "iso8601")
 
 
 def unknown_unit(quantity, text):
-    """Return the error of a log that states a unit that is not known."""
+    """Return the error of a log that states an unknown unit."""
     return ImuloopError(
-        f"units.{quantity}: the log says '{text[:80]}', which is no unit that is read; declare "
+        f"units.{quantity}: the log says '{text[:80]}', which is not a known unit; declare "
         f"the right one of {', '.join(UNITS[quantity])}"
     )
 
@@ -90,9 +106,9 @@ def unknown_unit(quantity, text):
 def _parts(name):
     """Return the words of a name before and after its axis, the axis or None, and its unit.
 
-    The unit is the text of the last brackets. An axis may be a word or joined to the one of a name.
+    The unit is the text of the last brackets. An axis is a word, or joined to a known name: gx.
     """
-    # what is longer is no name
+    # longer texts are not names
     text = unicodedata.normalize("NFKC", name[-99:])
     text = _INDEX.sub(lambda at: f" {'xyzxyz'['012xyz'.index(at[1].lower())]} ", text)
     brackets = re.search(_BRACKETS.pattern + r"\s*\Z", text)
@@ -100,7 +116,7 @@ def _parts(name):
     found = []
     for i, word in enumerate(words):
         for axis, rest in ((word[-1], word[:-1]), (word[0], word[1:])):
-            if axis in AXES and (not rest or rest in _JOINED):
+            if axis in AXES and (not rest or any(rest in _KNOWN[q] for q in SENSORS)):
                 # one by itself goes first, of several the last
                 found.append((not rest, i, axis, [rest] * bool(rest)))
     _, i, axis, rest = max(found, default=(0, len(words), None, []))
@@ -117,11 +133,14 @@ def named_sensor(text):
     """Return the sensor that a word or a file's name stands for, or None."""
     words = words_of(str(text))
     found = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
-    return found.pop() if len(found) == 1 and not _DERIVED & {*words} else None
+    return found.pop() if len(found) == 1 and _DERIVED.isdisjoint(words) else None
 
 
 def _ending(quantity, words, alone=True):
-    """Return how many words are left before the unit that ends them; a letter is none `alone`."""
+    """Return the number of words before the words of the unit at their end, which may be none.
+
+    If not `alone`, a single letter is a unit only after other words.
+    """
     for k in range(len(words)):
         text = "".join(words[k:])
         if text in _SPELT[quantity] and (alone or k or len(text) > 1):
@@ -130,82 +149,83 @@ def _ending(quantity, words, alone=True):
 
 
 def unit_of(quantity, where, names, increments=False):
-    """Return the unit that the names of columns state: 'ax [g]', 'time_us', 'gx deg/s'.
+    """Return the unit that the names of columns state, such as 'ax [g]', 'time_us', 'gx deg/s'.
 
-    One that is not known is given as it is written, and several where they differ.
+    `where` is the position of the column, or a tuple of them. An unknown unit is returned as it is
+    written, different units as one text.
     """
-    where = where if isinstance(where, tuple) else (where,)
-    units = dict.fromkeys(_unit_in(quantity, names[i], increments) for i in where)
-    return " and ".join(unit for unit in units if unit) or None
-
-
-def _unit_in(quantity, name, increments=False):
-    before, axis, after, text = _parts(name)
-    if text and not text.isdigit():
-        return stated_unit(quantity, text, increments) or text
-    words = after or before
-    text = "".join(words[_ending(quantity, words, after or not axis) :])
-    unit = stated_unit(quantity, text, increments) if text else None
-    # raw is a place before the axis
-    return None if unit == "count" and axis and not after else unit
+    units = {}
+    for name in (names[i] for i in (where if isinstance(where, tuple) else (where,))):
+        before, axis, after, text = _parts(name)
+        if text and not text.isdigit():
+            units[stated_unit(quantity, text, increments) or text] = name
+            continue
+        words = after or before
+        text = "".join(words[_ending(quantity, words, after or not axis) :])
+        unit = stated_unit(quantity, text, increments) if text else None
+        # the word raw before the axis is a place, no unit
+        if unit and (unit != "count" or after or not axis):
+            units[unit] = name
+    return " and ".join(units) or None
 
 
 def increment_name(quantity, name):
     """Return the name in the table by which a column is a sensor's increment, or None."""
-    (kind, _), _, known, _ = _match(quantity, name)
-    return known if kind == _KINDS.index("increments") else None
+    match = _match(quantity, name)
+    return match.name if match and match.kind == _INCREMENTS else None
 
 
 def two_parts(names):
     """Return the columns of whole seconds and their part, and how many ns the part counts.
 
-    None where no two are called alike: sec and nsec, seconds and milliseconds.
+    None where no two have such names: sec and nsec, seconds and milliseconds.
     """
-    whole = {found[1] or "": at for at, n in enumerate(names) if (found := _WHOLE.fullmatch(n))}
+    whole = {found[1]: at for at, name in enumerate(names) if (found := _WHOLE.fullmatch(name))}
     for at, name in enumerate(names):
         found = _PART.fullmatch(name)
-        if found and (found[1] or "") in whole:
-            return whole[found[1] or ""], at, _PART_NS[(found[2] or found[4]).lower()]
+        if found and found[1] in whole:
+            return whole[found[1]], at, round(TIME[stated_unit("time", found[2])] * 1e9)
     return None
 
 
 def guess(names, alone=None, usual=True):
-    """Return quantity -> [(position or three positions, name without axis)], best first.
+    """Return the columns of each quantity by their names, {quantity: list}, the best first.
 
-    Of the sensors all that are returned have names as good. With `usual` these are the usual ones;
-    without, they may also be of increments, state their unit before the axis, show the sensor by a
-    word, follow a prefix of both sensors, or, if only the sensor `alone` is looked for, be any
-    three.
+    A column is its position, a sensor a tuple of three; all sensors in the list have names as good
+    as the first. With `usual` they have usual names. Without, names may also be of increments,
+    show the sensor by a word, or follow a prefix that both sensors have. If only the sensor `alone`
+    is looked for, any three columns x, y, z may be it.
     """
     triples, found = _triples(names), {}
-    clock = any({*TABLE["clock"]} & {*words_of(name)} for name in names)
-    for quantity in _NAMES:
+    for quantity in _KNOWN:
         groups = triples if quantity in SENSORS else [[(at,)] for at in range(len(names))]
-        found[quantity] = [(*_match(quantity, names[at[0][0]]), at) for at in groups]
-    shared = set.intersection(*({m[3] for m in found[q]} for q in ([alone] if alone else SENSORS)))
-    shared = set() if usual else shared - {""}
+        matches = ((_match(quantity, names[group[0][0]]), group) for group in groups)
+        found[quantity] = [(match, group) for match, group in matches if match]
+    prefixes = [{m.prefix for m, _ in found[q]} for q in ([alone] if alone else SENSORS)]
+    shared = set() if usual else set.intersection(*prefixes) - {""}
+    clock = any(not _CLOCK.isdisjoint(words_of(name)) for name in names)
     for quantity, matches in found.items():
-        sensor, fine = quantity in SENSORS, [m for m in matches if m[0] < _NONE[0]]
-        if usual and sensor:
-            fine = [m for m in fine if m[0] in _USUAL]
-        fine = [m for m in fine if m[0][0] != _PREFIXED or m[3] in shared]
-        if not sensor:
-            # of several devices it is not known whose it is, and seconds may be of a clock
-            fine = sorted(m for m in fine if m[0][0] != _PREFIXED or len(shared) == 1)
-            fine = [m for m in fine if not (clock and m[2] in _SPELT["time"])]
-            found[quantity] = [(at, known) for _, _, known, _, [[at]] in fine]
+        fine = [each for each in matches if each[0].kind != _PREFIXED or each[0].prefix in shared]
+        if quantity not in SENSORS:
+            # among several devices the prefix does not tell whose it is
+            fine = sorted(m for m in fine if m[0].kind != _PREFIXED or len(shared) == 1)
+            # seconds may be a part of a clock
+            fine = [m for m in fine if not (clock and m[0].name in _SPELT["time"])]
+            found[quantity] = [at for _, [(at,)] in fine]
             continue
+        if usual:
+            fine = [m for m in fine if m[0].kind in (_USUAL, _LAST) and not m[0].ending]
+        best = min((match[:2] for match, _ in fine), default=None)
+        found[quantity] = [at for match, group in fine if match[:2] == best for at in group]
         if not fine and alone == quantity and len(triples) == 1 and not usual:
-            fine = [(*_NONE, triples[0])]
-        best = min((m[0] for m in fine), default=None)
-        found[quantity] = [(at, m[2]) for m in fine if m[0] == best for at in m[4]]
+            found[quantity] = triples[0]
     return found
 
 
 def _triples(names):
-    """Return the positions of x, y and z of names that are alike but for the axis.
+    """Return the positions of x, y and z of names that differ in the axis alone.
 
-    Where names repeat there are several; two are enough.
+    Names that repeat give several triples; two are enough to tell.
     """
     found = {}
     for at, name in enumerate(names):
@@ -217,33 +237,25 @@ def _triples(names):
 
 
 def _match(quantity, name):
-    """Return how a name is one of a quantity's, `_NONE` of one that is not.
-
-    That is the kind of name, whether a unit ends it, its place and name in the table, and a prefix.
-    """
+    """Return the best `_Match` of a name with the names of a quantity, None if it has none."""
     before, _, after, unit = _parts(name)
-    known, words, unit = _NAMES[quantity], (*before, *after), _plain(unit)
-    # Time (UTC) may be one, T (°) is none
-    strange = quantity not in SENSORS and bool(unit) and unit not in _SPELT[quantity]
-    end = _ending(quantity, before or after, quantity not in SENSORS)
-    options = [
-        " ".join(word for word in part if word not in _PLACE)
-        for part in (before or after, (before or after)[:end])
-    ]
-    if strange and any(unit in units for units in _SPELT.values()):
-        return _NONE
-    for (rank, kind), (stripped, option) in product(enumerate(_KINDS), enumerate(options)):
-        if option in known.get(kind, ()) and not (before and _DERIVED & {*after}):
-            return (rank + strange, bool(stripped)), known[kind].index(option), option, ""
-    if _DERIVED & {*words}:
-        return _NONE
-    for i, word in enumerate(words):
-        if quantity in SENSORS and _SHOWS[quantity].match(word):
-            prefix = " ".join(each for each in words[:i] if each not in _PLACE)
-            return (_WORDS, False), 0, word, prefix
-    for option in options:
-        for blank in re.finditer(" ", option):
-            if (rest := option[blank.end() :]) in known["names"]:
-                place = known["names"].index(rest)
-                return (_PREFIXED, False), place, rest, option[: blank.start()]
-    return _NONE
+    words, sensor = before or after, quantity in SENSORS
+    # Time (UTC) may be a time, T (°) may not
+    strange = not sensor and bool(unit) and _plain(unit) not in _SPELT[quantity]
+    if strange and any(_plain(unit) in units for units in _SPELT.values()):
+        return None
+    derived, matches = _DERIVED.intersection((*before, *after)), []
+    parts = words, words[: _ending(quantity, words, not sensor)]
+    for ending, part in enumerate([word for word in part if word not in _PLACE] for part in parts):
+        for k in range(len(part)):
+            name, prefix = " ".join(part[k:]), " ".join(part[:k])
+            kind, place = _KNOWN[quantity].get(name, (None, 0))
+            if k == 0 and kind is not None and not (before and _DERIVED.intersection(after)):
+                matches.append(_Match(kind + strange, bool(ending), 0, place, name))
+            elif kind == _USUAL and not derived:
+                matches.append(_Match(_PREFIXED, False, k, place, name, prefix))
+    for k, word in enumerate((*before, *after) if sensor and not derived else ()):
+        if _SHOWS[quantity].match(word):
+            prefix = " ".join(each for each in (*before, *after)[:k] if each not in _PLACE)
+            matches.append(_Match(_WORDS, False, k, 0, word, prefix))
+    return min(matches, default=None)
