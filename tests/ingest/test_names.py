@@ -24,7 +24,7 @@ def each(*names):
 # come loggers that are published: NGIMU, Xsens MTi, OpenLog Artemis, Betaflight, GoPro,
 # AndroSensor, Physics Toolbox, two of WitMotion, LPMS, ADIS, Inertial Sense, Axivity, PlotJuggler,
 # OxIOD (no specific force), Delsys, ulog2csv, DatCon, Tobii, Shimmer, VectorNav, MicroStrain,
-# gnss-ins-sim, ST.
+# gnss-ins-sim, ST, RaceBox, Kalibr, an IMU topic as text by two scripts, Zurich Urban MAV.
 LOGGERS = """
 timestamp,a*,w*,temperature | 0 1 4 7 |
 timestamp,imu.acc.*,imu.gyro.*,imu.temperature | 0 1 4 7 |
@@ -79,6 +79,11 @@ UTC Timestamp,scaledAccel&,scaledGyro& | 0 1 4 - |
 ref_time (sec),accel_* (m/s^2),gyro_* (deg/s) | 0 1 4 - | t s, a m/s^2, w deg/s
 time [s],f_ib_b_* [m/s^2],omega_ib_b_* [rad/s] | 0 1 4 - | t s, a m/s^2, w rad/s
 millis,acc_*_mg,gyr_*_mdps | 0 1 4 - | t ms, a mg, w mdeg/s
+Record,Time,Speed,GForce&,Lap,Gyro& | 1 3 7 - |
+timestamp,omega_*,alpha_* | 0 4 1 - |
+remote_timestamp,ang_vel_*,lin_acc_*,host_time | 0 4 1 - |
+time,sensor,tof_distance,accel *,angular_vel * | 0 3 6 - |
+Timpstemp,Omega_*,Accel_*,Vel_*,AccBias_* | 0 4 1 - |
 seconds,f_*,omega_* | 0 1 4 - | t s
 timestamp [ns],w_RS_S_* [rad s^-1],a_RS_S_* [m s^-2] | 0 4 1 - | t ns, a m/s^2, w rad/s
 t,left.a*,left.g*,imu_degC | 0 1 4 7 | T degC
