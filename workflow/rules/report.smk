@@ -1,5 +1,5 @@
 # what every page is made with
-PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
+PAGE = ("page.html.j2", "card.html.j2", "phrases.j2", "words.yaml", "style.css", "page.js")
 # what the files of other tools are made with
 EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
 

@@ -122,7 +122,8 @@ class Result:
         return _unpickled, (self.device, self.logs, self.failures, self.notes, files)
 
     def __str__(self):
-        from imuloop.report.verdict import blocks, sentence
+        from imuloop.report.findings import blocks
+        from imuloop.report.page import phrase
 
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
@@ -134,9 +135,9 @@ class Result:
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
         # records with the same sentence share a line
         places = {}
-        for sensor, part, block in blocks(self.diagnosis):
-            text = sentence(sensor, block)
-            places.setdefault(text, []).append(f"{sensor}, {part.replace('_', ' ')}")
+        for block in blocks(self.diagnosis):
+            place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
+            places.setdefault(phrase("verdict", b=block), []).append(place)
         lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
         wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
         return "\n".join(line for lines in wrapped for line in lines)
@@ -261,9 +262,9 @@ def _basis(sensor):
     `sensor` is the SensorCalibration. Values have their standard errors.
     """
     from imuloop.report.numbers import typeset, with_sigma
-    from imuloop.report.tables.calibration import METHOD_WORDS
+    from imuloop.report.page import WORDS
 
-    text, std, raw = METHOD_WORDS[sensor.method], sensor.std, typeset(sensor.raw_unit.name)
+    text, std, raw = WORDS["methods"][sensor.method], sensor.std, typeset(sensor.raw_unit.name)
     per = "" if sensor.raw_unit.name in ("m/s^2", "rad/s") else f" SI per {raw}"
     for word, symbol, unit in (("scale factor", "K", per), ("bias", "b", f" {raw}")):
         names = [f"{symbol}{axis}" for axis in range(3)]

@@ -32,8 +32,8 @@ from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
-from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
-from imuloop.report.verdict import RESIDUAL_WORDS
+from imuloop.report.page import RESIDUALS
+from imuloop.report.units import MILLIRADIAN, data_sheet
 from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 
@@ -168,10 +168,10 @@ def lines(drift):
             rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
         found += aligned(rows)
         for key, r in sensor.residuals.items():
-            display = RESIDUAL[r["unit"]]
+            display = data_sheet(r["unit"])
             size, floor = (number(r[k] * display.factor) for k in ("rms", "floor"))
             found.append(
-                f"  {RESIDUAL_WORDS[key]}, old calibration: {size} {display.unit}, {floor} expected"
+                f"  {RESIDUALS[key]}, old calibration: {size} {display.unit}, {floor} expected"
             )
         if sensor.untested:
             # an effect by its name, not by each of its parameters

@@ -14,14 +14,16 @@ from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
 from imuloop.report.numbers import number, p_text, text_of, with_unit
+from imuloop.report.page import RECORDS, RESIDUALS
 from imuloop.report.results import XYZ, DeviceResults
-from imuloop.report.tables.calibration import parameter_table
-from imuloop.report.tables.candidates import constants_text
-from imuloop.report.tables.data import quality_figures
-from imuloop.report.tables.diagnosis import parameter_rows
-from imuloop.report.tables.noise import coefficient_table
-from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
+from imuloop.report.tables import (
+    coefficient_table,
+    constants_text,
+    parameter_rows,
+    parameter_table,
+    quality_figures,
+)
+from imuloop.report.units import data_sheet
 
 EXAMPLE = """examples:
   imuloop info results/my_imu/calibration.json
@@ -118,18 +120,18 @@ def noise_lines(content, data_sheet=None):
 def verdict_lines(content):
     """Return verdicts, effects that were added, and residuals beside their floors."""
     lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
-    for sensor, (part, words) in product(SENSORS, PARTS.items()):
+    for sensor, (part, words) in product(SENSORS, RECORDS.items()):
         block = content["sensors"].get(sensor, {}).get(part)
         if not block:
             continue
         why = f": {block['why']}" if block.get("why") else ""
-        lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+        lines.append(f"{sensor}, {words}: {block['verdict'].replace('_', ' ')}{why}")
         for effect in block["effects"]:
             lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
         for name, r in block["residuals"].items():
-            display = RESIDUAL[r["unit"]]
+            display = data_sheet(r["unit"])
             before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
-            error = f"{RESIDUAL_WORDS[name]}: {before} -> {after}, floor {floor}"
+            error = f"{RESIDUALS[name]}: {before} -> {after}, floor {floor}"
             lines.append(f"  {with_unit(error, display.unit)}")
     return lines
 

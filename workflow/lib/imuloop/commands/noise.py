@@ -114,16 +114,11 @@ def written(folder, session, found):
 
 
 def drawings(folder, name, allan, found):
-    """Draw the Allan deviation of each sensor; return the paths, none without matplotlib."""
+    """Draw the Allan deviation of each sensor; return the paths, empty if matplotlib is missing."""
     try:
         from imuloop.report.figures.allan import allan_picture
-        from imuloop.report.figures.drawing import write_svg
     except ModuleNotFoundError as error:
         say(f"no drawing: {error.name} is not installed")
         return []
-    paths = []
-    for sensor in found.rates_hz:
-        if picture := allan_picture(name, sensor, allan, found.model.axes):
-            write_svg(folder, f"allan_{sensor}", picture)
-            paths.append(folder / f"allan_{sensor}.svg")
-    return paths
+    drawn = (allan_picture(name, sensor, allan, found.model.axes) for sensor in found.rates_hz)
+    return [picture.write_svg(folder) for picture in drawn if picture]
