@@ -198,7 +198,7 @@ def beside(dt, arm):
     """Return a device with what was found beside a reference."""
     place = dict(zip(("rx", "ry", "rz"), arm, strict=True))
     known = {("gyroscope", "time_offset"): {"dt": dt}, ("accelerometer", "lever_arm"): place}
-    return replace(device(), beside=known)
+    return replace(device(), reference=known)
 
 
 def test_ardupilots_one_range_is_what_both_effects_have_in_common():

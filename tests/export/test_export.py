@@ -129,8 +129,8 @@ def test_offset_of_a_clock_that_began_apart_is_not_exported(tmp_path, own):
     diagnosis = {"sensors": {"gyroscope": {"reference": {"effects": effects}}}}
     write_json(tmp_path / "diagnosis.json", diagnosis)
     found = read_exported("board", "B", *results, qualities, tmp_path / "diagnosis.json")
-    assert (("gyroscope", "time_offset") in found.beside) is not own
-    assert ("gyroscope", "clock_drift") in found.beside
+    assert (("gyroscope", "time_offset") in found.reference) is not own
+    assert ("gyroscope", "clock_drift") in found.reference
 
 
 def test_the_report_links_what_is_there(tmp_path):

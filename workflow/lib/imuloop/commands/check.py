@@ -45,7 +45,7 @@ EXAMPLE = f"""examples:
   imuloop check calibration.json poses_today.csv --update -o calibration_today.json
 
 LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
-the accelerometer's along gravity; three rests in directions of their own for all its biases. Exit
+the accelerometer's along gravity; three rests in different directions for all its biases. Exit
 status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
@@ -62,7 +62,9 @@ def add(commands, **how):
         help="default: poses if the log has two or more attitudes, else static",
     )
     command.add_argument(
-        "--noise", type=Path, help="noise.json; default: beside the calibration, else from the log"
+        "--noise",
+        type=Path,
+        help="noise.json; default: in the folder of the calibration, else from the log",
     )
     add_gravity(command, "that of the calibration")
     command.add_argument(
@@ -128,7 +130,7 @@ def run(arguments):
         updated.to_json(arguments.output)
         say(*update_lines(updated, kept), f"wrote {arguments.output}")
         if drift.drifted and not drift.bias_only:
-            say("What drifted beside the biases is as it was: calibrate anew.")
+            say("Other parameters drifted too and are unchanged: calibrate again.")
     if arguments.json:
         what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
         how = {"kind": kind, "noise": source, "gravity": gravity}
@@ -185,7 +187,7 @@ def lines(drift):
 
 
 def update_lines(updated, kept):
-    """Return what `update_biases` gives in lines for people, in raw units."""
+    """Return the result of `update_biases` in lines for people, in raw units."""
     found = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
         sensor = getattr(updated, name)
@@ -195,7 +197,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return what is to be said of a change, beside its numbers."""
+    """Return the remark on a change."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

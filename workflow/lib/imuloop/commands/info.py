@@ -1,4 +1,4 @@
-"""``imuloop info``: what a file is, in a few lines with units."""
+"""``imuloop info``: the content of a file, in a few lines with units."""
 
 import tempfile
 from itertools import product
@@ -44,7 +44,7 @@ def add(commands, **how):
 
 
 def run(arguments):
-    """Print what a file is; return 1 of a log that is rejected."""
+    """Print the content of a file; return 1 for a log that is rejected."""
     path = arguments.file
     # two files are a log
     suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
@@ -62,7 +62,7 @@ def run(arguments):
 
 
 def result_lines(path):
-    """Return what a JSON file of results holds; an ImuloopError if it is none."""
+    """Return the content of a JSON file of results in lines; ImuloopError for another file."""
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else ()
     try:
@@ -78,7 +78,7 @@ def result_lines(path):
         raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
     listed = ", ".join(map(str, keys)) or "no keys"
     raise ImuloopError(
-        f"{path}: no result of imuloop: {listed[:200]}; a log in JSON is no single document, but "
+        f"{path}: no result of imuloop: {listed[:200]}; a log in JSON is not one document, but "
         "has an object per line"
     )
 
@@ -110,7 +110,7 @@ def noise_lines(content, data_sheet=None):
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
     device = DeviceResults("", "", Path(), noise=content, data_sheet=data_sheet or {})
-    # without a rate for any sensor there is no number for either
+    # without a rate for any sensor neither has a number
     for sensor in content.get("rates_hz") or SENSORS:
         rows = coefficient_table(device, sensor).rows
         lines += aligned([(sensor, "", *XYZ), *rows], indent=0)
@@ -118,7 +118,7 @@ def noise_lines(content, data_sheet=None):
 
 
 def verdict_lines(content):
-    """Return verdicts, effects that were added, and residuals beside their floors."""
+    """Return verdicts, effects that were added, and residuals with their floors."""
     lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
     for sensor, (part, words) in product(SENSORS, RECORDS.items()):
         block = content["sensors"].get(sensor, {}).get(part)
@@ -149,7 +149,7 @@ def quality_lines(content):
 
 
 def log_lines(arguments):
-    """Return what a log is: format, columns, rate, duration, faults; and whether it is rejected."""
+    """Return format, columns, rate, duration and faults of a log, and whether it is rejected."""
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         samples, quality = log_samples(path, arguments, Path(folder))

@@ -42,7 +42,7 @@ EXAMPLE = """examples:
 Angle and velocity random walk N, bias instability B and random walk K of a log at rest, with
 intervals; hours of it for B and K. With -o noise.json, allan.csv, the Allan deviations as SVG, and
 the files that Kalibr, OpenVINS, VINS-Fusion, ORB-SLAM3, allan_variance_ros and ROS read."""
-# what needs no calibration; OpenVINS wants matrices, and gets those of a perfect sensor
+# what needs no calibration; OpenVINS wants matrices, and gets the matrices of a perfect sensor
 NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
 
 

@@ -79,7 +79,7 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     # without any noise it is not known which sensors the logs hold
     held = content.get("rates_hz") or SENSORS
     used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
-    beside = beside_reference(read_json(diagnosis), used) if diagnosis else {}
+    reference = reference_parameters(read_json(diagnosis), used) if diagnosis else {}
     longest = max(used, key=lambda each: each["rows"], default={})
     spans = [span for each in used if (span := each["temperature_range"])]
     return Exported(
@@ -90,12 +90,12 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
         content["rate_hz"] or longest.get("rate_hz"),
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
-        beside,
+        reference,
         tuple(s for s in SENSORS if s in held or getattr(found, s).measured),
     )
 
 
-def beside_reference(diagnosis, qualities):
+def reference_parameters(diagnosis, qualities):
     """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
 
     Takes the content of diagnosis.json and of each session's quality.json. A reference whose clock

@@ -32,7 +32,7 @@ class Exported:
     notes: tuple[str, ...] = ()  # on the noise, for its readers
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
     # parameters, SI, of the effects found with a reference, by sensor and name
-    beside: dict = field(default_factory=dict)
+    reference: dict = field(default_factory=dict)
     sensors: tuple[str, ...] = tuple(SENSORS)  # those that the logs hold
 
     def sensor(self, name):
@@ -84,7 +84,7 @@ def values(exported):
         "notes": exported.notes,
         "temperatures": exported.temperature_range,
         "common_temperatures": common([s["temperatures"] for s in sensors.values() if s[BIAS]]),
-        "beside": exported.beside,
+        "reference": exported.reference,
         "bounded": RANGE,
     }
 

@@ -27,7 +27,7 @@ MATTERS = 2.0
 NOTICEABLE = 0.01
 # a longer record is not asked for, s
 LONG_RECORD = 2 * HOUR
-# a warning of ingest on what is declared, in the words of a config, of the command line or Python
+# a warning of ingest on a declaration, in the words of a config, of the command line or Python
 DECLARED = re.compile(r"see (units|--\S+-unit)")
 
 

@@ -23,7 +23,7 @@ FORMAT = 2
 
 
 def summarise(device):
-    """Return what the comparison needs of a device, the content of summary.json.
+    """Return the content of summary.json, a device's part of the comparison.
 
     ``values``, rows of the long table; ``filter`` {name: {value, axis, limit, raised_from}}, noise
     as a filter takes it; ``allan`` {channel: {tau_s, adev}}; ``answers``, ``card``, ``loop``, see
@@ -104,8 +104,8 @@ def columns(sensor):
 def pivot(summary, sensor):
     """Return the worst axis of each quantity of a sensor: rows of `Value`, see `worst`.
 
-    By quantity: the row with the largest value, that of a limit above it, the noise as logged, and
-    the floor of a residual; None where absent.
+    By quantity: the row with the largest value, the row with a limit above it, the noise as
+    logged, and the floor of a residual; None where absent.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     found = {}
@@ -143,7 +143,7 @@ def _cell(largest, limit, logged, floor, display):
 
 
 def verdict_rank(verdicts):
-    """Return what the column of verdicts is sorted by: poses, then the other kinds of data."""
+    """Return the number that the column of verdicts is sorted by: poses, then other data."""
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
     return sum(10**k * each for k, each in enumerate(reversed(order)))
 
@@ -151,7 +151,7 @@ def verdict_rank(verdicts):
 def filter_cells(summary):
     """Return a device's rate and its noise as a filter takes it, SI, in digits for programs.
 
-    White noise and random walk of the accelerometer come first, then those of the gyroscope.
+    White noise and random walk of the accelerometer come before the gyroscope's.
     """
     content = summary["filter"]
     rate = content["rate_hz"]

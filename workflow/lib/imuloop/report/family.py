@@ -18,7 +18,7 @@ class Parameter:
 
     words: str
     display: Display
-    relative: bool  # whether its spread and errors are relative, as those of logarithms
+    relative: bool  # whether its spread and errors are relative, as for logarithms
 
     def spread(self, value):
         """Return a spread or an error as text, without its unit."""

@@ -177,8 +177,8 @@ def card(found, loop, calibration=None):
     """Return the first words on a device, in the same order for every device.
 
     ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``, pairs of a
-    verdict and what is left; ``untested``. `loop` are the errors of `loop_errors`, `calibration`
-    the final one.
+    verdict and the error that is left; ``untested``. `loop` are the errors of `loop_errors`,
+    `calibration` is the final one.
     """
     places, effects = {}, {}
     for block in found:
@@ -213,7 +213,7 @@ ROTATIONS = ("gyroscope", "poses")
 
 
 def fall(error):
-    """Return how many times an error is smaller with the effects found."""
+    """Return the factor by which an error is smaller with the effects found."""
     return error["calibrated"] / error["final"] if error["final"] else 1.0
 
 

@@ -31,9 +31,9 @@ SI = {
 class Value:
     """A number of a device, SI.
 
-    The stage of a parameter is the method of its calibration; that of a noise coefficient is
-    ``logged``, or ``before`` and ``after`` the correction of effects; that of a held-out residual
-    is ``after`` or ``floor``.
+    The stage of a parameter is the method of its calibration; the stage of a noise coefficient is
+    ``logged``, or ``before`` and ``after`` the correction of effects; the stage of a held-out
+    residual is ``after`` or ``floor``.
     """
 
     sensor: str
@@ -122,7 +122,7 @@ def select(rows, **keys):
 
 
 def worst(rows):
-    """Return the row with the largest value, and that of a limit above it; None if absent."""
+    """Return the row with the largest value, and the row with a limit above it; None if absent."""
     values = [row for row in rows if not missing(row.value)]
     limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]
     largest = max(values, key=lambda row: abs(row.value), default=None)

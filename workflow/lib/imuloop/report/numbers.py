@@ -4,12 +4,12 @@ import math
 
 from imuloop.core.units import HOUR
 
-# what stands where there is no number
+# text in place of a missing number
 NO_NUMBER = "—"
 
 
 def missing(value):
-    """Return whether there is no finite number."""
+    """Return whether a value is None or not finite."""
     return value is None or not math.isfinite(value)
 
 
@@ -109,13 +109,13 @@ def duration(seconds, digits=3):
 
 
 def sigma_of(coefficient):
-    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None without one."""
+    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None if it has no interval."""
     low, high = coefficient.ci95 or (None, None)
     return None if low is None else (high - low) / (2 * 1.959964)
 
 
 def value_text(value, std, upper95=None, factor=1.0):
-    """Return ``value ± σ`` in another unit, or the 95 % upper limit if there is no value."""
+    """Return ``value ± σ`` in another unit, or the 95 % upper limit of a missing value."""
     if not missing(value):
         return with_sigma(value, std, factor)
     return NO_NUMBER if missing(upper95) else f"<\u202f{number(upper95 * factor, 2)}"

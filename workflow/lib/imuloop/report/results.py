@@ -43,7 +43,7 @@ class SessionResults:
 
     @property
     def reasons(self):
-        """Why the session could not be used."""
+        """The reasons why the session could not be used."""
         return self.quality["reasons"]
 
     @property
@@ -52,7 +52,7 @@ class SessionResults:
         return self.segments["pose"][self.segments["pose"] >= 0].nunique()
 
     def seconds(self, kind):
-        """Return how long all segments of a kind are, s."""
+        """Return the length of all segments of a kind, s."""
         s = self.segments[self.segments["kind"] == kind]
         return float((s["end_s"] - s["start_s"]).sum())
 
@@ -85,7 +85,7 @@ class DeviceResults:
 
     @property
     def title(self):
-        """The label, which says of a simulated device that it is one."""
+        """The label; for a simulated device it has the word ``simulated``."""
         plain = not self.simulated or "simulated" in self.label.lower()
         return self.label if plain else f"{self.label} (simulated)"
 

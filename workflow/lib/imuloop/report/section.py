@@ -39,7 +39,7 @@ def write_section(name, label, folder, sessions, data_sheet=None):
     write(section, "section.html.j2", device=device, **values)
     summary = summarise(device)
     write_json(device.folder / "summary.json", summary)
-    # text was escaped when it was written; links are those of a page in the folder above
+    # text was escaped when it was written; links are relative to the folder above
     text = section.read_text("utf-8").replace(f'href="{device.name}/', 'href="')
     looks = {"device": device.name, "label": device.title, "section": Markup(text)}
     looks |= {"said": summary["card"], "loop_of": loop[0] if loop else None}

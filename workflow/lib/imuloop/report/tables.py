@@ -112,7 +112,7 @@ def wander(noise, interval, length):
 
     It is the difference of two means of the output by flicker, random walk and Gauss-Markov
     processes, without other noise. `interval` is between the starts of the two means, `length` is
-    that of each mean, s.
+    the length of each mean, s.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -130,7 +130,7 @@ def _after_an_hour(device, sensor):
 
 
 def reasons(device):
-    """Return why parts of the calibration could not be made: (method, sensor, reason).
+    """Return the reasons why parts of the calibration are missing: (method, sensor, reason).
 
     Left out are a reason that stands with a verdict, and one of the final calibration that an
     earlier method has.
@@ -206,7 +206,7 @@ def noise_change_table(device, sensor):
 
 
 def steps_table(block):
-    """Return the effects in the order in which they were added; None if there are none."""
+    """Return the effects in the order in which they were added; None without any."""
     residuals, rows = block["residuals"], []
     for place, effect in enumerate(block["effects"], 1):
         name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
@@ -262,7 +262,7 @@ def effect_table(block, effect):
 
 
 def set_up_table(block):
-    """Return bias and mounting of each session with a reference; None if there are none."""
+    """Return bias and mounting of each session with a reference; None without any."""
     rows = []
     for session, content in block.get("set_up", {}).items():
         rows += [(f"{session}, {name}", *cells) for name, *cells in parameter_rows(content)]

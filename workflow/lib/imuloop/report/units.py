@@ -14,11 +14,11 @@ class Display:
     factor: float
 
     def size(self, value, digits=3):
-        """Return an SI value as a number in this unit, or a dash if there is no value."""
+        """Return an SI value as a number in this unit, or a dash if it is missing."""
         return number(None if missing(value) else value * self.factor, digits)
 
     def text(self, value, digits=3):
-        """Return an SI value as a number with this unit, or a dash if there is no value."""
+        """Return an SI value as a number with this unit, or a dash if it is missing."""
         return with_unit(self.size(value, digits), self.unit)
 
 
@@ -63,7 +63,7 @@ _DATA_SHEET = {
 }
 # noise coefficients, in the order of the tables
 COEFFICIENTS = "QNBKR"
-# by sensor and quantity: what a calibration and a noise model hold
+# by sensor and quantity of a calibration or a noise model
 QUANTITIES = {
     "accelerometer": {
         "bias": MILLI_G,

@@ -17,7 +17,7 @@ COLUMNS = ["session", "start_s", "floor", "values", "corrected"]
 
 
 def bias_pictures(device, block):
-    """Return how a sensor's bias wandered over each static record, against the floor."""
+    """Return pictures of a sensor's bias over each static record, against the floor."""
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     return [
         _picture(device, name, rows, block) for name, rows in points.groupby("session", sort=False)

@@ -87,7 +87,7 @@ class Picture:
 
     @property
     def stem(self):
-        """Its name among the figures of its device, and that of its SVG file."""
+        """Its name among the figures of its device, and the name of its SVG file."""
         return self.name.partition(".")[2].replace(".", "_")
 
     @property

@@ -20,7 +20,7 @@ STAGES = {
 }
 # as wide as a small screen, px, on which its words are of 12 px
 WIDTH = 328
-# height of a row and of what is around all rows, px
+# height of a row, and of the space around all rows, px
 ROW, AROUND = 29, 67
 # the records in the order in which a user notices their errors
 RECORDS = (
@@ -130,9 +130,9 @@ def draw_loop(area, errors, ends):
 
 
 def loop_picture(name, errors, ends=None):
-    """Return the picture of a device's errors by its name, or None if there are none.
+    """Return the picture of a device's errors by its name, or None without errors.
 
-    `ends` of the axis are those of several devices, which are compared; else its own, see `reach`.
+    `ends` are the ends of the axis for several devices, which are compared; else see `reach`.
     """
     if not errors:
         return None
@@ -151,6 +151,6 @@ def loop_picture(name, errors, ends=None):
 
 
 def device_loop(device):
-    """Return the picture of a device's errors, in a list that is empty if there are none."""
+    """Return the picture of a device's errors, in a list that is empty without errors."""
     picture = loop_picture(device.name, loop_errors(device, blocks(device.diagnosis)))
     return [picture] if picture else []

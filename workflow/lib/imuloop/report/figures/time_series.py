@@ -139,7 +139,7 @@ def _numbers(sensor, lines):
 
 
 def _caption(session, sensor):
-    """Return how much of a session is rest, and how much was cut out."""
+    """Return the caption: length of all rests, and of the parts that were cut out."""
     kinds, cut = session.segments["kind"], []
     for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
