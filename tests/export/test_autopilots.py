@@ -213,18 +213,6 @@ def test_ardupilots_one_range_is_what_both_effects_have_in_common():
     corrects_as(ArduPilot, load(text(board)), board, ())
 
 
-def test_what_it_cannot_carry_is_said(tool):
-    text = tool.format.text(warm_device())
-    for words in (
-        "Not carried of the accelerometer: misalignment T",
-        "Not carried of the accelerometer: scale_temperature",
-        "Not carried of the gyroscope: g_sensitivity",
-        "Not carried of the gyroscope: scale factor K, up to 0.02 from 1",
-    ):
-        assert words in text
-    assert "bias_temperature: e" not in text and "_ID" not in "".join(tool.load(text))
-
-
 def test_a_sensor_that_was_not_calibrated_keeps_the_vehicles_values(tool):
     board = warm_device()
     sensor = board.sensor("accelerometer")

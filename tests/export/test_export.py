@@ -18,7 +18,6 @@ from export.devices import (
     unknown,
     with_sensor,
 )
-from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.export.export import (
     FORMATS,
@@ -32,8 +31,10 @@ from imuloop.export.text import written
 from imuloop.model.sensor_calibration import SensorCalibration
 
 
-def test_a_device_of_which_all_is_known_has_all_files():
+def test_a_device_of_which_all_is_known_has_all_files(tmp_path):
     files = export_files(device())
+    write_exports(tmp_path / "exports", files)
+    assert listed(tmp_path / "exports.json") == [(each.file, each.title) for each in FORMATS]
     assert set(files) == {each.file for each in FORMATS} | {README}
     assert len({each.file for each in FORMATS}) == len(FORMATS)
     assert "Not written" not in files[README] and "ax: a note" in files[README]
@@ -133,13 +134,6 @@ def test_offset_of_a_clock_that_began_apart_is_not_exported(tmp_path, own):
     assert ("gyroscope", "clock_drift") in found.reference
 
 
-def test_the_report_links_what_is_there(tmp_path):
-    write_exports(tmp_path / "exports", {})
-    assert listed(tmp_path / "exports.json") == []
-    write_exports(tmp_path / "exports", export_files(device()))
-    assert listed(tmp_path / "exports.json") == [(each.file, each.title) for each in FORMATS]
-
-
 def test_the_docs_have_a_row_for_each_format(repository):
     text = (repository / "docs/exports.md").read_text(encoding="utf-8")
     assert not [each.file for each in FORMATS if f"| `{each.file}` |" not in text]
@@ -149,10 +143,3 @@ def test_the_docs_have_a_row_for_each_format(repository):
 def test_a_text_that_a_template_writes_stays_a_comment(text):
     line = f"# {written(text)}\n"
     assert line.count("\n") == 1 and yaml.safe_load(f"{line}a: 1\n") == {"a": 1}
-
-
-def test_a_calibration_of_another_version_is_an_error(tmp_path):
-    results = _results(tmp_path, device(), None)
-    write_json(results[0], {"format": 99})
-    with pytest.raises(ImuloopError, match="format 99"):
-        read_exported("board", "Board", *results)

@@ -16,7 +16,7 @@ from imuloop.commands.logs import (
 from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import read_json, refuse_overwriting
-from imuloop.export.export import beside_reference
+from imuloop.export.export import reference_parameters
 
 EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
@@ -93,5 +93,5 @@ def offset_in_time(calibration):
     if not diagnosis.is_file():
         return 0.0
     qualities = map(read_json, calibration.parent.glob("*/quality.json"))
-    found = beside_reference(read_json(diagnosis), [*qualities])
+    found = reference_parameters(read_json(diagnosis), [*qualities])
     return found.get(("gyroscope", "time_offset"), {}).get("dt", 0.0)
