@@ -120,5 +120,7 @@ def drawings(folder, name, allan, found):
     except ModuleNotFoundError as error:
         say(f"no drawing: {error.name} is not installed")
         return []
-    drawn = (allan_picture(name, sensor, allan, found.model.axes) for sensor in found.rates_hz)
+    drawn = (
+        allan_picture("noise", name, sensor, allan, found.model.axes) for sensor in found.rates_hz
+    )
     return [picture.write_svg(folder) for picture in drawn if picture]

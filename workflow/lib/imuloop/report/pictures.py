@@ -2,7 +2,7 @@
 
 from imuloop.report.figures.allan import allan_pictures, corrected_pictures, longest_curve_first
 from imuloop.report.figures.attitude import attitude_pictures
-from imuloop.report.figures.bias import bias_pictures
+from imuloop.report.figures.bias import bias_pictures, temperature_pictures
 from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_pictures
 from imuloop.report.figures.residuals import residual_pictures
@@ -16,6 +16,7 @@ OF_SESSION = {"series": session_pictures, "allan": allan_pictures, "spectra": de
 OF_RECORD = {
     "residuals": residual_pictures,
     "bias": bias_pictures,
+    "temperature": temperature_pictures,
     "corrected": corrected_pictures,
 }
 KINDS = (*OF_DEVICE, *OF_SESSION, *OF_RECORD)

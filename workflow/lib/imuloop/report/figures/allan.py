@@ -83,19 +83,22 @@ def taken_by_filter(noise, tau):
 def allan_pictures(device, session):
     """Return the Allan deviation of a session's accelerometer and gyroscope."""
     name = f"{device.name}.{session.name}"
-    pictures = (allan_picture(name, s, session.allan, device.axes) for s in SENSORS)
+    pictures = (
+        allan_picture(name, session.name, sensor, session.allan, device.axes) for sensor in SENSORS
+    )
     return [picture for picture in pictures if picture]
 
 
-def allan_picture(name, sensor, allan, axes):
+def allan_picture(name, session, sensor, allan, axes):
     """Return the Allan deviation of a sensor as logged; None if no value is above 0.
 
-    `allan` are the rows of allan.parquet, `axes` an `AxisNoise` by channel.
+    `name` begins the picture's name, `allan` are the rows of allan.parquet for the `session`,
+    `axes` an `AxisNoise` by channel.
     """
     curves = {c: curve(allan, c, "raw") for c in SENSORS[sensor]}
     if not any(len(r) for r in curves.values()):
         return None
-    session, unit = name.rpartition(".")[2], QUANTITIES[sensor]["B"]
+    unit = QUANTITIES[sensor]["B"]
 
     def plot(areas):
         ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]

@@ -1,7 +1,8 @@
-"""How the bias wandered over a static record, before and after correction, with temperature."""
+"""The bias over a static record and against temperature, before and after the correction."""
 
 import numpy as np
 import pandas as pd
+from numpy.polynomial import Polynomial
 
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, Picture
@@ -99,3 +100,59 @@ def _picture(device, session, points, block):
         size=(440, 270 + 70 * warm + 130 * (count == 3)),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
     )
+
+
+def temperature_pictures(device, block):
+    """Return the bias against temperature with the fitted curve, if this effect was added."""
+    effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
+    points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
+    if effect is None or points.empty or points["corrected"].isna().any():
+        return []
+    display = data_sheet(block["residuals"]["bias"]["unit"])
+    theta0, order = (effect["constants"][k] for k in ("reference_temperature", "order"))
+    curves = [
+        Polynomial([0.0, *(effect["parameters"][f"c{k}{axis}"] for k in range(1, order + 1))])
+        for axis in XYZ
+    ]
+    sessions = []
+    for name, part in points.groupby("session", sort=False):
+        session = next(s for s in device.sessions if s.name == name)
+        warmth = temperatures(session, part["start_s"].to_numpy(float))
+        if warmth is None:
+            continue
+        rows = {"session": name, "temperature_degC": warmth}
+        old, new = (np.stack(part[column].to_numpy()) for column in ("values", "corrected"))
+        for i, axis in enumerate(XYZ):
+            # each record has its own mean, which the curve does not have
+            level = np.nanmedian(old[:, i] - curves[i](warmth - theta0))
+            rows |= {axis: old[:, i] - level, f"{axis}_corrected": new[:, i]}
+        sessions.append(pd.DataFrame(rows).dropna())
+    if not sessions:
+        return []
+    numbers = pd.concat(sessions)
+    low, high = numbers["temperature_degC"].min(), numbers["temperature_degC"].max()
+    grid = np.linspace(low, high, 100)
+    fitted = [curve(grid - theta0) for curve in curves]
+
+    def plot(areas):
+        for area, axis, curve in zip(areas, XYZ, fitted, strict=True):
+            for rows in sessions:
+                theta, old, new = (rows[k] for k in ("temperature_degC", axis, f"{axis}_corrected"))
+                area.plot(theta, old * display.factor, color=ORANGE, label="before")
+                area.plot(theta, new * display.factor, color=BLUE, label="after")
+            area.plot(grid, curve * display.factor, color=INK, ls="--", label="fitted curve")
+            area.set_ylabel(f"{axis}, {display.unit}")
+        areas[-1].set_xlabel("temperature, °C")
+
+    changes = ", ".join(display.size(np.ptp(curve), 2) for curve in fitted)
+    caption = phrase(
+        "over_temperature",
+        sensor=block["sensor"],
+        low=low,
+        high=high,
+        changes=f"{changes} {display.unit}",
+    )
+    name, looks = f"{device.name}.bias_temperature_{block['sensor']}", {"size": (440, 470)}
+    return [
+        Picture(name, "Bias against temperature", caption, plot, numbers, rows=(1,) * 3, **looks)
+    ]
