@@ -58,7 +58,7 @@ def test_without_a_calibration_there_are_files_of_noise_alone():
     noise = {KALIBR, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS}
     assert set(files) == {each.file for each in noise} | {README}
     for each in noise:
-        assert "No calibration: the noise is that of samples as logged" in files[each.file]
+        assert "No calibration: the noise is for samples as logged" in files[each.file]
         assert "apply calibration.json" not in files[each.file]
     for each in {*FORMATS} - noise:
         (line,) = [x for x in files[README].splitlines() if x.startswith(f"{each.file} (")]

@@ -201,7 +201,6 @@ def noise_change_table(device, sensor):
         f"{sensor.capitalize()}, static record: noise coefficients before → after the correction",
         ("Coefficient", "Unit", *XYZ),
         rows,
-        "The effects are not part of the noise.",
     )
 
 
@@ -220,7 +219,6 @@ def steps_table(block):
         f"{record_title(block)}: effects added, in order",
         ("Effect", "p-value", "Held-out error of", "Before", "After", "Ratio after/before, 95 %"),
         rows,
-        "An effect is added if its fit is significant and it lowers the held-out error.",
     )
 
 

@@ -136,7 +136,7 @@ class Picture:
         with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
             # `savefig` would lay it out twice
             FigureCanvasSVG(self.figure()).print_svg(file, metadata=NO_METADATA)
-        return file.getvalue()
+        return re.sub(' (?:d|x|y)="[^"]*"', _rounded, file.getvalue())
 
     @property
     def inline(self):
@@ -166,6 +166,11 @@ class Picture:
         with replaced(folder / self.csv) as temporary:
             options = csv.WriteOptions(quoting_style="needed")
             csv.write_csv(text_cells(pa.table(columns)), temporary, options)
+
+
+def _rounded(attribute):
+    """Return an attribute of the drawing, a match, with two decimals of a pixel."""
+    return re.sub(r"(\.\d\d)\d+", r"\1", attribute[0])
 
 
 def fill(area, x, low, high, colour, alpha=0.2):
