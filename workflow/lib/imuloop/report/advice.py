@@ -25,8 +25,8 @@ SPAN_K, MONOTONE = 2.0, 0.9
 MATTERS = 2.0
 # share of a standard error that one rest or turn has to take away to be worth its while
 NOTICEABLE = 0.01
-# a longer record is not asked for, s
-LONG_RECORD = 2 * HOUR
+# a longer record is asked for up to this length, s, if the longest is shorter by a tenth
+LONG_RECORD, NEARLY = 2 * HOUR, 0.9
 # a warning of ingest on a declaration, in the words of a config, of the command line or Python
 DECLARED = re.compile(r"see (units|--\S+-unit)")
 
@@ -190,5 +190,5 @@ def _static_record(device):
         limited = [t for t, c in terms.items() if c.value is None and c.upper95]
         if limited:
             axes.setdefault(" and ".join(limited), []).append(channel)
-    if axes and longest < LONG_RECORD:
+    if axes and longest < NEARLY * LONG_RECORD:
         yield 0.0, "static_record", {"axes": axes, "longest": longest, "hours": LONG_RECORD}

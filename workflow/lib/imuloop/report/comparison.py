@@ -20,6 +20,8 @@ from imuloop.report.units import DEGREES, MILLI_G, QUANTITIES, data_sheet
 
 # version of summary.json
 FORMAT = 2
+# stages of the long table that are compared
+COMPARED = ("final", "logged", "after", "floor")
 
 
 def summarise(device):
@@ -62,10 +64,6 @@ def summarise(device):
             for file, digest in s.source["sha256"].items()
         ],
     }
-
-
-# stages of the long table that are compared
-COMPARED = ("final", "logged", "after", "floor")
 
 
 def filter_noise(device, final):
@@ -124,22 +122,23 @@ def cells(summary, sensor):
 
 
 def _cell(largest, limit, logged, floor, display):
-    unit, below = "", []
+    """Return the cell of a quantity, given its rows as in `pivot` and the unit of the column."""
+    worst_row, unit, below = largest or limit, "", []
+    if not worst_row:
+        return Cell(NO_NUMBER)
     if floor:
-        own = data_sheet(floor.unit)
+        column, display = display, data_sheet(floor.unit)
         # a residual may be of another kind than the column
-        unit = f"\u202f{own.unit}" if own != display else ""
-        display = own
+        unit = f"\u202f{display.unit}" if column != display else ""
         below.append(f"floor {display.size(floor.value, 2)}")
-    if not largest:
-        if not limit:
-            return Cell(NO_NUMBER)
-        return Cell(limit.text(display), f"axis {limit.axis}, 95 % limit", limit.upper95)
-    below += [f"axis {largest.axis}"] if largest.axis else []
-    below += [f"{limit.axis} {limit.text(display)}"] if limit else []
-    if logged and logged.value != largest.value:
+    if worst_row.axis:
+        below.append(f"axis {worst_row.axis}" + ("" if largest else ", 95 % limit"))
+    if largest and limit:
+        below.append(f"{limit.axis} {limit.text(display)}")
+    if logged and logged.value != worst_row.value:
         below.append(f"as logged {display.size(logged.value, 2)}")
-    return Cell(largest.text(display) + unit, "; ".join(below), abs(largest.value))
+    size = abs(largest.value) if largest else limit.upper95
+    return Cell(worst_row.text(display) + unit, "; ".join(below), size)
 
 
 def verdict_rank(verdicts):

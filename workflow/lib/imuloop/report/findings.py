@@ -31,6 +31,8 @@ UNTESTED = {
     **dict.fromkeys(("effects", "candidates", "confounded"), ()),
     "residuals": {},
 }
+# where rotations that contradict all others are listed
+ROTATIONS = ("gyroscope", "poses")
 # residuals that a user notices first
 QUOTED = {
     "accelerometer": ("gravity_norm",),
@@ -55,12 +57,12 @@ def block_of(diagnosis, sensor, part):
     block = block | {"sensor": sensor, "part": part}
     residuals, names = block["residuals"], {effect["name"] for effect in block["effects"]}
     block["words"] = [effect_words(effect) for effect in block["effects"]]
-    block["left"] = _largest(block, lambda r: r["after"] if block["verdict"] in ABOVE else 0.0)
-    block["quoted"] = block["left"]
-    if block["effects"]:
-        block["quoted"] = _largest(block, lambda r: r["before"] - r["after"])
-    above = [(r["chi2_after"], name) for name, r in residuals.items() if (r["chi2_after"] or 0) > 1]
-    block["lacking"] = max(above, default=None)
+    above = block["verdict"] in ABOVE
+    block["left"] = _largest(block, {n: r["after"] * above for n, r in residuals.items()})
+    falls = {name: r["before"] - r["after"] for name, r in residuals.items()}
+    block["quoted"] = _largest(block, falls) if block["effects"] else block["left"]
+    large = [(r["chi2_after"], name) for name, r in residuals.items() if (r["chi2_after"] or 0) > 1]
+    block["lacking"] = max(large, default=None)
     block["too_quiet"] = too_quiet(block)
     block["undersampled"] = residuals.get("rotation", {}).get("undersampled")
     block["tried"] = _tried(block) if block["verdict"] == "unexplained" else None
@@ -94,20 +96,15 @@ def _of_both(force, turn):
 
 def residual_names(block):
     """Return the names of the residuals of a record, those that a user notices first come first."""
-    residuals = block["residuals"]
-    return list(
-        dict.fromkeys([n for n in QUOTED[block["sensor"]] if n in residuals] + [*residuals])
-    )
+    first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
+    return list(dict.fromkeys([*first, *block["residuals"]]))
 
 
-def _largest(block, size):
-    """Return the name of the residual whose `size` is the most multiples of its floor, or None."""
-
-    def multiple(name):
-        residual = block["residuals"][name]
-        return size(residual) / (residual["floor"] or np.inf)
-
-    return max(residual_names(block), key=multiple, default=None)
+def _largest(block, sizes):
+    """Return the name of the residual whose size is the most multiples of its floor, or None."""
+    floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
+    multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
+    return max(multiples, key=multiples.get, default=None)
 
 
 def too_quiet(block):
@@ -206,10 +203,6 @@ def card(found, loop, calibration=None):
         "left": left,
         "untested": " ".join(filter(None, words)),
     }
-
-
-# rotations that contradict others are in the gyroscope's poses
-ROTATIONS = ("gyroscope", "poses")
 
 
 def fall(error):

@@ -136,6 +136,10 @@ def loop_picture(name, errors, ends=None):
     """
     if not errors:
         return None
+
+    def plot(area):
+        draw_loop(area, errors, ends or reach(errors))
+
     said = (
         f"{e['what']} {_sizes(e)}, noise alone {data_sheet(e['unit']).text(e['floor'], 2)}"
         for e in errors
@@ -144,7 +148,7 @@ def loop_picture(name, errors, ends=None):
         f"{name}.loop",
         "Errors as logged, calibrated and with the effects corrected",
         f"{'; '.join(said)}.",
-        lambda area: draw_loop(area, errors, ends or reach(errors)),
+        plot,
         {k: [e[k] for e in errors] for k in ("what", "unit", *STAGES, "floor")},
         size=(WIDTH, AROUND + ROW * len(errors)),
     )
