@@ -26,8 +26,7 @@ from imuloop.export.export import FORMATS
 from imuloop.model.effect import Effect
 from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
-from imuloop.report.figures.poses import largest_hole
-from imuloop.report.recording import WIDE_HOLE
+from imuloop.plan.directions import WIDE_HOLE, largest_hole
 from quick import hurry
 from workflow.run import run_fork
 

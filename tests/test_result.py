@@ -170,18 +170,18 @@ def test_names_in_html_are_text(result):
 
 
 def test_a_result_is_kept(result, tmp_path):
+    copy = pickle.loads(pickle.dumps(result))
     loaded = imuloop.load(result.save(tmp_path / "kept"))
+    again = pickle.loads(pickle.dumps(loaded))
     gc.collect()
-    assert str(loaded) == str(result) and loaded.logs == result.logs
-    assert loaded.verdict == result.verdict and loaded.diagnosis == result.diagnosis
-    assert dict(loaded.device.kinds) == dict(result.device.kinds)
-    assert loaded.noise["gx"].N.value == result.noise["gx"].N.value
-    # it has its own files, in a folder that a pickle would not keep
-    assert (
-        loaded.device.folder != result.device.folder and result.device.file("noise.json").exists()
-    )
-    with pytest.raises(TypeError, match="save"):
-        pickle.dumps(result)
+    for kept in (copy, loaded, again):
+        assert str(kept) == str(result) and kept.logs == result.logs
+        assert kept.verdict == result.verdict and kept.diagnosis == result.diagnosis
+        assert dict(kept.device.kinds) == dict(result.device.kinds)
+        assert kept.noise["gx"].N.value == result.noise["gx"].N.value
+        # each has its own files
+        assert kept.device.folder != result.device.folder
+    assert result.device.file("noise.json").exists()
     with pytest.raises(ImuloopError, match="no folder of a result: it has no calib"):
         imuloop.load(tmp_path)
 

@@ -11,7 +11,7 @@ from calibrate.devices import (
 )
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
-from imuloop.report.tables.calibration import wander
+from imuloop.report.tables import wander
 from imuloop.simulate.noise import flicker, walk, white
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth

@@ -64,7 +64,9 @@ def test_openvins(board):
 
 
 def test_an_offset_beside_a_reference_has_the_sign_of_the_effect():
-    text = OPENVINS.text(replace(device(), beside={("gyroscope", "time_offset"): {"dt": -0.004}}))
+    text = OPENVINS.text(
+        replace(device(), reference={("gyroscope", "time_offset"): {"dt": -0.004}})
+    )
     # what reads t at t is, where the effect is taken out, the value that is stamped 4 ms later
     t = np.arange(0, 1, 0.01)
     ramp = np.repeat(t[:, None], 3, axis=1)

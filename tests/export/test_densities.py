@@ -15,7 +15,6 @@ from export.devices import (
     ALLAN_VARIANCE_ROS,
     HOSTILE,
     KALIBR,
-    MATLAB_IMU_SENSOR,
     OPENVINS,
     ORB_SLAM3,
     RATE,
@@ -27,8 +26,6 @@ from export.devices import (
     of_calibrated,
     power_cycled,
     turning_device,
-    unknown,
-    warm_bias,
     with_sensor,
     without_flicker,
 )
@@ -47,7 +44,6 @@ KEYS = {ORB_SLAM3: ORB_KEYS, VINS_FUSION: {key: key for key in WORST}}
 FORMATS = pytest.mark.parametrize(
     "form", [KALIBR, ALLAN_VARIANCE_ROS, ORB_SLAM3, VINS_FUSION, OPENVINS]
 )
-RAISED = "so that N and K bound its Allan curve from 0.1 s to 1000 s"
 
 
 def opencv(text):
@@ -119,9 +115,6 @@ def test_exported_noise_is_that_of_the_samples_that_the_tool_gets(turned):
         found = np.diag(np.reshape(content[key], (3, 3))) ** 0.5 * RATE**-0.5
         np.testing.assert_allclose(found, measured[list(axes)], rtol=0.01)
     assert read(OPENVINS, board)[1] == pytest.approx(LOGGED, rel=1e-15)
-    assert "as logged" in OPENVINS.text(board)
-    # the simulators' numbers are tested beside their formulas
-    assert "as logged" in MATLAB_IMU_SENSOR.text(device())
 
 
 def kalibr_logs(force, f, w, change):
@@ -158,10 +151,6 @@ def test_kalibr_expects_what_our_model_logs(misaligned):
     assert size > 0.1 and len(sensitivity) == 9
     allowed = 1.1 * size * np.abs(force.T - np.eye(3)).sum(axis=1).max() + 1e-12
     np.testing.assert_allclose(logged, ours, rtol=0, atol=allowed)
-    text = KALIBR.text(board)
-    assert "Not carried of the accelerometer: rate_sensitivity" in text
-    assert "Not carried of the accelerometer: lever_arm" not in text
-    assert "accelerometers" not in KALIBR.text(device())
 
 
 def test_ros_has_the_variance_of_white_noise_at_that_rate():
@@ -193,30 +182,10 @@ def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(form):
             assert (bound >= (1 - 1e-9) * own[axis] ** 2).all(), axis
     # flicker stands far above white noise and walk of this gyroscope alone
     assert found["gyr_n"] > 1.3 * WORST["gyr_n"]
-    lines = form.text(device()).splitlines()
-    unit = RATE**0.5 if form is VINS_FUSION else 1.0
-    (line,) = [x for x in lines if x.strip().startswith(("gyr_n:", "IMU.NoiseGyro", "gyroscope_n"))]
-    white = (N if form is OPENVINS else OF_N)["gy"] * unit
-    assert line.endswith(f"worst axis: gy; raised from {white:.3g} {RAISED}")
-    assert "raised from" not in form.text(without_flicker(device()))
 
 
 @FORMATS
 def test_a_bias_that_differs_between_power_cycles_says_where_a_filter_begins(form):
-    begin = "3 power cycles): start a filter's bias with this standard deviation"
     text = form.text(power_cycled(device()))
-    for sensor, unit in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s")):
-        sizes = f"0.01, 0, 0.002 {unit}"
-        line = f"# {sensor}: turn-on bias over power cycles {sizes} (1 sigma of x, y, z; {begin}\n"
-        assert text.count(line) == 1
+    assert text.count("turn-on bias over power cycles 0.01, 0, 0.002 ") == 2
     assert "turn-on bias" not in form.text(device())
-
-
-@FORMATS
-def test_what_is_not_carried_is_said_and_a_label_adds_nothing(form):
-    text = form.text(device(effects=(warm_bias(),)))
-    assert "bias_temperature: e_i = " in text
-    assert "raised for flicker, Gauss-Markov processes, Q and R" in text
-    assert read(form, device(HOSTILE)) == read(form, device())
-    with pytest.raises(Lacking):
-        form.text(unknown())

@@ -9,7 +9,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import read_columns
 from imuloop.core.tables import joined
 from imuloop.diagnose.tables import MOVES, no_tables, poses_table
-from imuloop.report.verdict import UNTESTED
+from imuloop.report.findings import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 GAIN = "rad/s per m/s^2"

@@ -24,7 +24,7 @@ from imuloop.model.calibration import Calibration
 from imuloop.model.effect import FittedEffect
 from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.noise import no_noise
-from imuloop.report.verdict import UNTESTED
+from imuloop.report.findings import UNTESTED
 from imuloop.validate.attitude import no_attitude
 from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_spectra, statistics

@@ -1,12 +1,13 @@
-"""Numbers as a person reads them."""
+"""Numbers as a person reads them, in the units of data sheets."""
 
 import pytest
 
 from imuloop.core.noise_model import Coefficient
+from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.numbers import coefficient_text, duration, interval_text, number, with_sigma
-from imuloop.report.tables.table import Sized
-from imuloop.report.units import quantities
+from imuloop.report.units import QUANTITIES, data_sheet
 
+G = STANDARD_GRAVITY
 THIN = "\u202f"
 
 
@@ -49,29 +50,47 @@ def test_number_keeps_significant_digits(value, digits, text):
     [
         # Xsens MTi-100 data sheet: 60 µg/√Hz and 0.01 °/s/√Hz; a density in °/s/√Hz times 60
         # is one in °/√h
-        ("accelerometer", "N", "µg/√Hz", 60e-6 * 9.80665, 60),
-        ("gyroscope", "N", "°/√h", 0.01 * 3.141592653589793 / 180, 0.6),
-        ("gyroscope", "B", "°/h", 10 * 4.84813681109536e-6, 10),
-        ("gyroscope", "Q", "arcsec", 4.84813681109536e-6, 1),
+        ("accelerometer", "N", "µg/√Hz", 60e-6 * G, 60),
+        ("gyroscope", "N", "°/√h", 0.01 * DEGREE, 0.6),
+        ("gyroscope", "B", "°/h", 10 * DEGREE / HOUR, 10),
+        ("gyroscope", "Q", "arcsec", DEGREE / 3600, 1),
         # rad/s per √s: 3600 s/h times √3600
-        ("gyroscope", "K", "°/h/√h", 1.0, 180 / 3.141592653589793 * 3600 * 60),
-        ("gyroscope", "R", "°/h/h", 1.0, 180 / 3.141592653589793 * 3600 * 3600),
-        ("accelerometer", "R", "µg/h", 9.80665e-6 / 3600, 1),
+        ("gyroscope", "K", "°/h/√h", 1.0, 3600 * 60 / DEGREE),
+        ("gyroscope", "R", "°/h/h", 1.0, 3600 * 3600 / DEGREE),
+        ("accelerometer", "R", "µg/h", G * 1e-6 / 3600, 1),
     ],
 )
 def test_noise_units_of_data_sheets(sensor, key, unit, si, shown):
-    factor = next(d.factor for d in quantities(sensor)[key].sheet if d.unit == unit)
-    assert si * factor == pytest.approx(shown, rel=1e-9)
+    display = QUANTITIES[sensor][key]
+    assert display.unit == unit and si * display.factor == pytest.approx(shown, rel=1e-9)
 
 
-def test_coefficient_without_value_is_an_upper_limit():
+# what a parameter of 1 in the unit of data sheets adds at a stimulus, both in SI
+@pytest.mark.parametrize(
+    ("si", "shown", "stimulus", "added"),
+    [
+        ("m/s^2 per K/s", "mg per K/min", 1 / 60, G / 1e3),
+        ("m/s^2 per s", "mg/h", HOUR, G / 1e3),
+        ("m/s^2 per (m/s^2)^2", "µg/g²", G**2, G / 1e6),
+        ("m/s^2 per (m/s^2)^3", "µg/g³", G**3, G / 1e6),
+        ("rad/s per m/s^2", "°/s per g", G, DEGREE),
+        ("rad/s per (m/s^2)^2", "°/s per g²", G**2, DEGREE),
+        ("rad/s per K/s", "°/s per K/min", 1 / 60, DEGREE),
+        ("rad/s per (rad/s)^2", "ppm per °/s", DEGREE**2, 1e-6 * DEGREE),
+        ("rad/s per (rad/s)^3", "ppm per (°/s)²", DEGREE**3, 1e-6 * DEGREE),
+        ("1 per K", "ppm/K", 1.0, 1e-6),
+    ],
+)
+def test_one_in_the_unit_of_a_data_sheet(si, shown, stimulus, added):
+    display = data_sheet(si)
+    assert display.unit == shown
+    assert added / stimulus * display.factor == pytest.approx(1, rel=1e-12)
+
+
+def test_a_coefficient_without_value_is_an_upper_limit():
     known = Coefficient(upper95=2.5e-6), Coefficient(1.0, (0.9, 1.1), 1.09, True), Coefficient()
     found = [coefficient_text(c).replace(THIN, " ") for c in known]
+    assert found == ["< 2.5 × 10⁻⁶", "1.000 ± 0.051", "—"]
     ends = [(84.161, 84.742), (0.0, 12.0), (1.0, None)]
     assert [interval_text(e) for e in ends] == ["84.16 to 84.74", "0 to 12", "—"]
     assert [duration(s).replace(THIN, " ") for s in (12, 7200)] == ["12.0 s", "2.00 h"]
-    assert found == ["< 2.5 × 10⁻⁶", "1.000 ± 0.051", "—"]
-
-
-def test_a_cell_is_its_text_and_sorts_by_its_size():
-    assert Sized("5 min", 300.0).value == "300" and Sized("—", float("nan")).value is None

@@ -1,5 +1,5 @@
 # templates of every page
-PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
+PAGE = ("page.html.j2", "card.html.j2", "phrases.j2", "words.yaml", "style.css", "page.js")
 # templates of the files of other tools
 EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
 

@@ -18,6 +18,7 @@ WORDS = {
     "spectra": "Draw the power spectral density of each session.",
     "residuals": "Draw the held-out residuals of poses, moves and reference.",
     "bias": "Draw the bias over time at rest.",
+    "temperature": "Draw the bias at rest against the temperature, with the fitted curve.",
     "corrected": "Draw the Allan deviation as logged and with the effects removed.",
 }
 

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import textwrap
 import weakref
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -145,14 +145,18 @@ class Result:
         return Path(folder)
 
     def __reduce__(self):
-        raise TypeError("a Result is not pickled: save(folder) keeps it, imuloop.load reads it")
+        # a pickle holds the files, because the folder may be temporary or of another machine
+        folder = self.device.folder
+        files = {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+        return _unpickle, (self.device, files)
 
     def __str__(self):
         return self.describe()
 
     def describe(self, failures=True):
         """Return the calibration and the verdicts as text, with or without the rejected logs."""
-        from imuloop.report.verdict import blocks, sentence
+        from imuloop.report.findings import blocks
+        from imuloop.report.page import phrase
 
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
@@ -164,9 +168,9 @@ class Result:
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
         # records with the same sentence share a line
         places = {}
-        for sensor, part, block in blocks(self.diagnosis):
-            text = sentence(sensor, block)
-            places.setdefault(text, []).append(f"{sensor}, {part.replace('_', ' ')}")
+        for block in blocks(self.diagnosis):
+            place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
+            places.setdefault(phrase("verdict", b=block), []).append(place)
         lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
         wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
         return "\n".join(line for lines in wrapped for line in lines)
@@ -190,6 +194,19 @@ class TemporaryFolder:
     def __init__(self):
         self.name = tempfile.mkdtemp(prefix="imuloop-")
         weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
+
+
+def _unpickle(device, files):
+    """Return a Result with its files in a temporary folder, which is removed with the Result.
+
+    `files` has the content of each file by its path in the folder of the Device.
+    """
+    folder = TemporaryFolder()
+    for name, content in files.items():
+        path = Path(folder.name, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return Result(replace(device, folder=Path(folder.name)), folder)
 
 
 def load(folder) -> Result:
@@ -261,9 +278,9 @@ def _basis(sensor):
     `sensor` is the SensorCalibration. Values have their standard errors.
     """
     from imuloop.report.numbers import typeset, with_sigma
-    from imuloop.report.tables.calibration import METHOD_WORDS
+    from imuloop.report.page import WORDS
 
-    text, std, raw = METHOD_WORDS[sensor.method], sensor.std, typeset(sensor.raw_unit.name)
+    text, std, raw = WORDS["methods"][sensor.method], sensor.std, typeset(sensor.raw_unit.name)
     per = "" if sensor.raw_unit.name in ("m/s^2", "rad/s") else f" SI per {raw}"
     for word, symbol, unit in (("scale factor", "K", per), ("bias", "b", f" {raw}")):
         names = [f"{symbol}{axis}" for axis in range(3)]

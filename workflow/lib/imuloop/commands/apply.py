@@ -16,7 +16,7 @@ from imuloop.commands.logs import (
 from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import read_json, refuse_overwriting
-from imuloop.export.export import beside_reference
+from imuloop.export.export import reference_parameters
 
 EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
@@ -44,7 +44,7 @@ def add(commands, **how):
     command.add_argument(
         "--shift",
         action="store_true",
-        help="add to the stamps the offset in time that was found beside a reference",
+        help="add to the stamps the offset in time that was found with a reference",
     )
     add_arguments(command)
     command.set_defaults(run=run)
@@ -60,13 +60,13 @@ def run(arguments):
     shift = offset_in_time(arguments.calibration)
     if arguments.shift and not shift:
         raise ImuloopError(
-            f"{arguments.calibration}: --shift: the diagnosis.json beside it has no offset in time"
+            f"{arguments.calibration}: --shift: the diagnosis.json next to it has no offset in time"
         )
     logs = files_of(arguments.log)
     beside = logs[0].with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, *logs, beside])
     output.parent.mkdir(parents=True, exist_ok=True)
-    # beside the output, where there is room for something as large
+    # next to the output, where there is room for a file as large
     with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:
         samples, quality = log_samples(
             arguments.log, arguments, Path(folder), calibration=calibration
@@ -88,10 +88,10 @@ def run(arguments):
 
 
 def offset_in_time(calibration):
-    """Return the offset of the gyroscope's stamps, s, found beside a reference; 0 without one."""
+    """Return the offset of the gyroscope's stamps, s, found with a reference, else 0."""
     diagnosis = calibration.with_name("diagnosis.json")
     if not diagnosis.is_file():
         return 0.0
     qualities = map(read_json, calibration.parent.glob("*/quality.json"))
-    found = beside_reference(read_json(diagnosis), [*qualities])
+    found = reference_parameters(read_json(diagnosis), [*qualities])
     return found.get(("gyroscope", "time_offset"), {}).get("dt", 0.0)

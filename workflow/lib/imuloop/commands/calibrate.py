@@ -35,7 +35,7 @@ def add(commands, **how):
 
 
 def add_logs(command):
-    """Add the logs of a device, and what a config would say of them."""
+    """Add the logs of a device, and the options that stand for its config."""
     command.add_argument(
         "logs",
         nargs="+",
@@ -47,7 +47,7 @@ def add_logs(command):
     command.add_argument(
         "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
     )
-    command.add_argument("--label", help="name in the report; default: that of the first log")
+    command.add_argument("--label", help="name in the report; default: the name of the first log")
     add_gravity(command, f"{STANDARD_GRAVITY}, whose error is one of scale")
     command.add_argument(
         "--prior",
@@ -140,6 +140,6 @@ def made(arguments, folder):
 
 
 def _log(text):
-    """Return kind and log of an argument ``static=night.csv``, kind None without."""
+    """Return kind and log of an argument ``static=night.csv``, kind None if it names none."""
     kind, _, rest = text.partition("=")
     return (kind, log_of(rest)) if kind in KINDS and rest else (None, log_of(text))

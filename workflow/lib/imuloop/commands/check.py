@@ -32,8 +32,8 @@ from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
-from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
-from imuloop.report.verdict import RESIDUAL_WORDS
+from imuloop.report.page import RESIDUALS
+from imuloop.report.units import MILLIRADIAN, data_sheet
 from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 
@@ -45,7 +45,7 @@ EXAMPLE = f"""examples:
   imuloop check calibration.json poses_today.csv --update -o calibration_today.json
 
 LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
-the accelerometer's along gravity; three rests in directions of their own for all its biases. Exit
+the accelerometer's along gravity; three rests in different directions for all its biases. Exit
 status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
@@ -62,7 +62,9 @@ def add(commands, **how):
         help="default: poses if the log has two or more attitudes, else static",
     )
     command.add_argument(
-        "--noise", type=Path, help="noise.json; default: beside the calibration, else from the log"
+        "--noise",
+        type=Path,
+        help="noise.json; default: in the folder of the calibration, else from the log",
     )
     add_gravity(command, "that of the calibration")
     command.add_argument(
@@ -128,7 +130,7 @@ def run(arguments):
         updated.to_json(arguments.output)
         say(*update_lines(updated, kept), f"wrote {arguments.output}")
         if drift.drifted and not drift.bias_only:
-            say("What drifted beside the biases is as it was: calibrate anew.")
+            say("Other parameters drifted too and are unchanged: calibrate again.")
     if arguments.json:
         what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
         how = {"kind": kind, "noise": source, "gravity": gravity}
@@ -168,10 +170,10 @@ def lines(drift):
             rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
         found += aligned(rows)
         for key, r in sensor.residuals.items():
-            display = RESIDUAL[r["unit"]]
+            display = data_sheet(r["unit"])
             size, floor = (number(r[k] * display.factor) for k in ("rms", "floor"))
             found.append(
-                f"  {RESIDUAL_WORDS[key]}, old calibration: {size} {display.unit}, {floor} expected"
+                f"  {RESIDUALS[key]}, old calibration: {size} {display.unit}, {floor} expected"
             )
         if sensor.untested:
             # an effect by its name, not by each of its parameters
@@ -185,7 +187,7 @@ def lines(drift):
 
 
 def update_lines(updated, kept):
-    """Return what `update_biases` gives in lines for people, in raw units."""
+    """Return the result of `update_biases` in lines for people, in raw units."""
     found = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
         sensor = getattr(updated, name)
@@ -195,7 +197,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return what is to be said of a change, beside its numbers."""
+    """Return the remark on a change."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

@@ -1,4 +1,4 @@
-"""``imuloop coach``: while a session is recorded, what it shows so far and what to do next."""
+"""``imuloop coach``: the state of a session while it is recorded, and what to do next."""
 
 import shutil
 import sys
@@ -50,7 +50,7 @@ def add(commands, **how):
         type=between(0.1, 1e5),
         default=60.0,
         metavar="S",
-        help="end when the log has not grown for so long; default 60",
+        help="end when the log has not grown for this time; default 60",
     )
     add_gravity(command, STANDARD_GRAVITY)
     add_arguments(command)
@@ -77,7 +77,7 @@ def _copy(source, target):
 
 
 def follow(log, arguments, folder):
-    """Say what a growing log shows and what to do next, at each change; return the exit status."""
+    """Print the parameters of a growing log and what to do next; return the exit status."""
     size, said, noise, why = -1, None, None, ""
     gravity = local_gravity(arguments, STANDARD_GRAVITY)
     say(gravity_line(gravity))

@@ -1,4 +1,4 @@
-"""``imuloop info``: what a file is, in a few lines with units."""
+"""``imuloop info``: the content of a file, in a few lines with units."""
 
 import tempfile
 from itertools import product
@@ -14,14 +14,16 @@ from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
 from imuloop.report.numbers import number, p_text, text_of, with_unit
+from imuloop.report.page import RECORDS, RESIDUALS
 from imuloop.report.results import XYZ, DeviceResults
-from imuloop.report.tables.calibration import parameter_table
-from imuloop.report.tables.candidates import constants_text
-from imuloop.report.tables.data import quality_figures
-from imuloop.report.tables.diagnosis import parameter_rows
-from imuloop.report.tables.noise import coefficient_table
-from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
+from imuloop.report.tables import (
+    coefficient_table,
+    constants_text,
+    parameter_rows,
+    parameter_table,
+    quality_figures,
+)
+from imuloop.report.units import data_sheet
 
 EXAMPLE = """examples:
   imuloop info results/my_imu/calibration.json
@@ -42,7 +44,7 @@ def add(commands, **how):
 
 
 def run(arguments):
-    """Print what a file is; return 1 of a log that is rejected."""
+    """Print the content of a file; return 1 for a log that is rejected."""
     path = arguments.file
     # two files are a log
     suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
@@ -60,7 +62,7 @@ def run(arguments):
 
 
 def result_lines(path):
-    """Return what a JSON file of results holds; an ImuloopError if it is none."""
+    """Return the content of a JSON file of results in lines; ImuloopError for another file."""
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else ()
     try:
@@ -76,7 +78,7 @@ def result_lines(path):
         raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
     listed = ", ".join(map(str, keys)) or "no keys"
     raise ImuloopError(
-        f"{path}: no result of imuloop: {listed[:200]}; a log in JSON is no single document, but "
+        f"{path}: no result of imuloop: {listed[:200]}; a log in JSON is not one document, but "
         "has an object per line"
     )
 
@@ -108,7 +110,7 @@ def noise_lines(content, data_sheet=None):
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
     device = DeviceResults("", "", Path(), noise=content, data_sheet=data_sheet or {})
-    # without a rate for any sensor there is no number for either
+    # without a rate for any sensor neither has a number
     for sensor in content.get("rates_hz") or SENSORS:
         rows = coefficient_table(device, sensor).rows
         lines += aligned([(sensor, "", *XYZ), *rows], indent=0)
@@ -116,20 +118,20 @@ def noise_lines(content, data_sheet=None):
 
 
 def verdict_lines(content):
-    """Return verdicts, effects that were added, and residuals beside their floors."""
+    """Return verdicts, effects that were added, and residuals with their floors."""
     lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
-    for sensor, (part, words) in product(SENSORS, PARTS.items()):
+    for sensor, (part, words) in product(SENSORS, RECORDS.items()):
         block = content["sensors"].get(sensor, {}).get(part)
         if not block:
             continue
         why = f": {block['why']}" if block.get("why") else ""
-        lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+        lines.append(f"{sensor}, {words}: {block['verdict'].replace('_', ' ')}{why}")
         for effect in block["effects"]:
             lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
         for name, r in block["residuals"].items():
-            display = RESIDUAL[r["unit"]]
+            display = data_sheet(r["unit"])
             before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
-            error = f"{RESIDUAL_WORDS[name]}: {before} -> {after}, floor {floor}"
+            error = f"{RESIDUALS[name]}: {before} -> {after}, floor {floor}"
             lines.append(f"  {with_unit(error, display.unit)}")
     return lines
 
@@ -147,7 +149,7 @@ def quality_lines(content):
 
 
 def log_lines(arguments):
-    """Return what a log is: format, columns, rate, duration, faults; and whether it is rejected."""
+    """Return format, columns, rate, duration and faults of a log, and whether it is rejected."""
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         samples, quality = log_samples(path, arguments, Path(folder))

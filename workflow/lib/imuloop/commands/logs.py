@@ -52,13 +52,13 @@ def figures_of(arguments):
 
 
 def declared(arguments, calibration=None, layout=None):
-    """Return what the options declare of a log, as in `ingest`, without the scales of counts.
+    """Return the declaration of a log by the options, as in `ingest`, without the scales of counts.
 
-    Where they say nothing, the raw units are those of the calibration, if one is given, and the
-    rest is as the `layout` of the log that it is from has it.
+    Without an option the raw units are as in the calibration, if one is given, and the rest is as
+    in the `layout` of the calibration's log.
     """
     keys, found = declared_keys(arguments), dict(layout or {})
-    # those in SI are what a log is in that says nothing, and increments do
+    # a log without declared units is in SI, and increments declare theirs
     own = raw_units(calibration).items()
     units = {q: u.name for q, u in own if u.scale != 1} | found.get("units", {})
     what = {"units": units | keys.get("units", {})}
@@ -96,7 +96,7 @@ def log_samples(log, arguments, folder, calibration=None):
         ingest(
             device=calibration.device if calibration else "log",
             session=name_of(log),
-            # what was done with the device is not known
+            # the motion of the device is not known
             kind=None,
             paths=paths,
             samples_path=samples,

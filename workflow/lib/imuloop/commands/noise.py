@@ -42,7 +42,7 @@ EXAMPLE = """examples:
 Angle and velocity random walk N, bias instability B and random walk K of a log at rest, with
 intervals; hours of it for B and K. With -o noise.json, allan.csv, the Allan deviations as SVG, and
 the files that Kalibr, OpenVINS, VINS-Fusion, ORB-SLAM3, allan_variance_ros and ROS read."""
-# what needs no calibration; OpenVINS wants matrices, and gets those of a perfect sensor
+# what needs no calibration; OpenVINS wants matrices, and gets the matrices of a perfect sensor
 NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
 
 
@@ -114,16 +114,13 @@ def written(folder, session, found):
 
 
 def drawings(folder, name, allan, found):
-    """Draw the Allan deviation of each sensor; return the paths, none without matplotlib."""
+    """Draw the Allan deviation of each sensor; return the paths, empty if matplotlib is missing."""
     try:
         from imuloop.report.figures.allan import allan_picture
-        from imuloop.report.figures.drawing import write_svg
     except ModuleNotFoundError as error:
         say(f"no drawing: {error.name} is not installed")
         return []
-    paths = []
-    for sensor in found.rates_hz:
-        if picture := allan_picture(name, sensor, allan, found.model.axes):
-            write_svg(folder, f"allan_{sensor}", picture)
-            paths.append(folder / f"allan_{sensor}.svg")
-    return paths
+    drawn = (
+        allan_picture("noise", name, sensor, allan, found.model.axes) for sensor in found.rates_hz
+    )
+    return [picture.write_svg(folder) for picture in drawn if picture]

@@ -1,4 +1,4 @@
-"""What a config would say of a log, as options of a command."""
+"""The declaration of a log in a config, as options of a command."""
 
 import argparse
 
@@ -13,7 +13,7 @@ OF_UNIT = ("acceleration", "angular_rate", "time", "temperature")
 
 
 def add_arguments(command):
-    """Add the options that declare a log; `declared_keys` returns what they say."""
+    """Add the options that declare a log; `declared_keys` returns their values."""
     group = command.add_argument_group("the log, where it does not say so itself")
     group.add_argument(
         "--set",
@@ -135,7 +135,7 @@ def ranges(text):
 
 
 def between(low, high, count=1):
-    """Return what takes an argument that is a number in a range, or several."""
+    """Return a function that reads an argument: a number in a range, or several."""
 
     def number(text):
         values = [float(value) for value in text.split(",")]

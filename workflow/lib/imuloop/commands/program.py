@@ -7,7 +7,7 @@ import sys
 import tempfile
 import traceback
 
-# matrices are small: threads would wait for each other, ten times as long beside other work
+# matrices are small: threads would wait for each other, ten times as long next to other work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
@@ -21,7 +21,7 @@ COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that says what is wrong in one line."""
+    """A parser that reports an error in one line."""
 
     def error(self, message):
         """End with exit status 2."""

@@ -1,7 +1,7 @@
 """``imuloop sensors``: the table of sensors, or the figures of one of them."""
 
 from imuloop.commands.lines import aligned, say
-from imuloop.report.units import MILLIRADIAN, PERCENT, data_sheet, quantities
+from imuloop.report.units import MILLIRADIAN, PERCENT, QUANTITIES, data_sheet
 from imuloop.sensors import PARTS, find_sensor, sensor_names
 
 EXAMPLE = """examples:
@@ -41,7 +41,7 @@ def sheet_lines(sheet):
         if not (figures := getattr(sheet, sensor)):
             continue
         si = {"acceleration": "m/s^2", "angular_rate": "rad/s"}[quantity]
-        white, std = quantities(sensor)["N"].sheet[0], figures.tolerance
+        white, std = QUANTITIES[sensor]["N"], figures.tolerance
         lines.append(f"{sensor}: {figures.evidence}, {figures.source}")
         rows = [("range", f"{si} per count", f"white noise, {white.unit}")]
         for each in figures.ranges:

@@ -16,14 +16,14 @@ ROUNDING = 1e-12
 
 @lru_cache(maxsize=64)
 def bounding(noise):
-    r"""Return N and K whose Allan variance is nowhere below that of an axis.
+    r"""Return N and K whose Allan variance is nowhere below the Allan variance of an axis.
 
     .. math::
         N^2/\tau + K^2 \tau/3 \ge \sigma^2(\tau),
         \quad 0.1\,\mathrm{s} \le \tau \le 1000\,\mathrm{s}
 
-    with N and K at least those of the axis, or their 95 % upper limits. Of all such pairs the one
-    that exceeds the curve least: the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over
+    with N and K at least the values of the axis, or their 95 % upper limits. The pair exceeds the
+    curve least among all such pairs: the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over
     times evenly spaced in :math:`\log\tau` is smallest, a linear program in :math:`N^2, K^2`.
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
@@ -47,7 +47,7 @@ def bounding(noise):
     # loads for a quarter of a second, and white noise and walk alone have no need of it
     from scipy.optimize import linprog
 
-    # rows by what is missing and columns by their size: the solver's tolerances are absolute
+    # rows are scaled by the missing variance and columns by their size: tolerances are absolute
     rows = units[above] / excess[above, None]
     size = np.exp(np.log(rows).mean(axis=0))
     cost = (units / curve[:, None]).sum(axis=0) / size

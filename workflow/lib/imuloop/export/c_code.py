@@ -1,4 +1,4 @@
-"""The effects of a sensor as C: what the function of a header subtracts."""
+"""The effects of a sensor as C expressions, which the function of a header subtracts."""
 
 from imuloop.effects.axes import AXES
 from imuloop.effects.products import OUTPUTS, Product
@@ -29,21 +29,19 @@ def subtracted(sensor):
 
 
 def _effect(fitted):
-    """Return axis and expression of each parameter times what it multiplies."""
+    """Return axis and expression of each parameter times its factor."""
     found = []
     if fitted.name == Product.name:
         return [_product(fitted)]
     for k, name in enumerate(fitted.effect.parameters):
         row, column = divmod(k, 3)
+        axis = row if fitted.name in MATRICES else column
         if fitted.name in MATRICES:
-            axis = row
             factors = [_held(fitted, name, MATRICES[fitted.name].format(row, column))]
         elif fitted.name == BIAS:
             # the temperature is held, then raised to its power
-            axis = column
             factors = [_held(fitted, f"c1{AXES[axis]}", _warmer(fitted))] * (row + 1)
         else:
-            axis = column
             factors = [_held(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
         found.append((axis, " * ".join([number(fitted.values[name]), *factors])))
     return found
@@ -61,7 +59,7 @@ def _product(fitted):
 
 
 def _held(fitted, name, expression):
-    """Return what a parameter multiplies, held to the range in which that was seen."""
+    """Return the factor of a parameter, held to the range in which it was seen."""
     if name not in fitted.ranges:
         return expression
     low, high = map(number, fitted.ranges[name])

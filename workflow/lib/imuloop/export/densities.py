@@ -29,12 +29,12 @@ class Density:
 
     @property
     def words(self):
-        """What a comment says of it."""
+        """The words of a comment on it."""
         words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
-        if self.raised_from is None:
-            return words
-        bound = f"so that N and K bound its Allan curve from {RANGE}"
-        return f"{words}; raised from {self.raised_from:.3g} {bound}"
+        if self.raised_from is not None:
+            words += f"; raised from {self.raised_from:.3g} so that N and K bound its Allan curve"
+            words += f" from {RANGE}"
+        return words
 
     def times(self, factor):
         """Return the density in another unit."""
@@ -59,7 +59,7 @@ def of_calibrated(sensor, densities):
     """Return densities of calibrated samples, of a SensorCalibration and those as logged.
 
     Of axes that are independent, ``N_i^2 = Σ_j M_ij^2 N_j^2`` with M = T K over the nominal scale;
-    what bounds the Allan curves as logged then bounds those of calibrated samples.
+    bounds of the Allan curves as logged then bound the curves of calibrated samples.
     """
     at = [AXES.index(density.axis[-1]) for density in densities]
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]

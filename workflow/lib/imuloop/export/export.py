@@ -1,4 +1,4 @@
-"""The folder of a device's exports: a file per tool, and README.txt that says what is in them."""
+"""The folder of a device's exports: a file per tool, and README.txt that lists them."""
 
 import hashlib
 import shutil
@@ -30,10 +30,10 @@ class ExportFormat(NamedTuple):
 
     file: str
     title: str  # the tool
-    needs: tuple[str, ...]  # without what it is not written, words as in `reasons`
+    needs: tuple[str, ...]  # needs without which it is not written, as in `reasons`
 
     def text(self, exported):
-        """Return the text of an `Exported`; raise Lacking where it lacks what the file needs."""
+        """Return the text of an `Exported`; raise Lacking if a need of the file is missing."""
         lacking = reasons(exported)
         for need in self.needs:
             if need in lacking:
@@ -41,7 +41,7 @@ class ExportFormat(NamedTuple):
         return render(self.file, values(exported))
 
 
-# a new format is a line in formats.yaml and a template beside it; nothing is added here
+# a new format is a line in formats.yaml and a template next to it; nothing is added here
 FORMATS = tuple(
     ExportFormat(file, row["title"], tuple(row["needs"]))
     for file, row in yaml.safe_load((TEMPLATES / "formats.yaml").read_text("utf-8")).items()
@@ -50,7 +50,7 @@ FORMATS = tuple(
 
 @cache
 def environment():
-    """Return what fills templates in: each value as `written`, one that is missing is an error."""
+    """Return the environment of the templates: values as `written`, a missing one is an error."""
     found = Environment(
         loader=PackageLoader("imuloop", "templates/export"),
         undefined=StrictUndefined,
@@ -73,13 +73,13 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     """Return a device as the formats take it, from its JSON files.
 
     The quality of its sessions gives the temperatures, and the rate where the noise has none; the
-    diagnosis what a reference shows of clock and place.
+    diagnosis gives clock and place relative to a reference.
     """
     content, found = read_json(noise), Calibration.from_json(calibration)
     # without any noise it is not known which sensors the logs hold
     held = content.get("rates_hz") or SENSORS
     used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
-    beside = beside_reference(read_json(diagnosis), used) if diagnosis else {}
+    reference = reference_parameters(read_json(diagnosis), used) if diagnosis else {}
     longest = max(used, key=lambda each: each["rows"], default={})
     spans = [span for each in used if (span := each["temperature_range"])]
     return Exported(
@@ -90,13 +90,13 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
         content["rate_hz"] or longest.get("rate_hz"),
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
-        beside,
+        reference,
         tuple(s for s in SENSORS if s in held or getattr(found, s).measured),
     )
 
 
-def beside_reference(diagnosis, qualities):
-    """Return the parameters, SI, of the effects found beside a reference, by sensor and effect.
+def reference_parameters(diagnosis, qualities):
+    """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
 
     Takes the content of diagnosis.json and of each session's quality.json. A reference whose clock
     began apart has no offset that holds in the next recording.
@@ -124,9 +124,9 @@ def export_files(exported):
 
 
 def write_exports(folder, files):
-    """Write the files into `folder`, in the place of what it held before, and a list of them.
+    """Write the files into `folder`, in place of its earlier content, and a list of them.
 
-    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name.
+    The list, ``exports.json`` next to the folder, holds the SHA-256 of each file by its name.
     """
     folder = Path(folder)
     shutil.rmtree(folder, ignore_errors=True)

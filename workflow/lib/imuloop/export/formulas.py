@@ -16,7 +16,7 @@ def bias_polynomial(sensor, reference):
     """Return the bias that follows the temperature, about another temperature, degC, shape (4, 3).
 
     ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3: the effect `bias_temperature`, exactly; SI of
-    the output ``K (raw - b)`` per K^k, zeros where there is no such effect.
+    the output ``K (raw - b)`` per K^k, zeros without such an effect.
     """
     total = np.zeros((TERMS, 3))
     for fitted in sensor[BIAS]:
@@ -61,7 +61,7 @@ def imu_sensor(sensor):
     AxesMisalignment/100, u the true angular rate, or gravity less acceleration: -f, so that its
     bias has the other sign. From ours, x = T (K (raw - b) - e), the logged SI value is
     ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI. The slope is TemperatureBias, at the effect's own
-    temperature; its ``curvature``, (2, 3), what is not carried of e.
+    temperature; its ``curvature``, (2, 3), the part of e that is not carried.
     """
     scale, bias = sensor["scale"], sensor["offset"]
     sign = -1.0 if sensor["name"] == "accelerometer" else 1.0

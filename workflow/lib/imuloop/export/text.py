@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.errors import one_line
 
-FILTERS = "braces float32 identifier in_c rows sizes unseen".split()
+FILTERS = ("braces", "float32", "identifier", "in_c", "rows")
 
 
 def number(value):
@@ -25,7 +25,7 @@ def numbers(values, separator=", "):
 
 
 def written(value):
-    """Return what a template writes of a value: any text stays on its line, a float is exact."""
+    """Return a value as a template writes it: any text stays on its line, a float is exact."""
     if isinstance(value, str):
         return one_line(value)
     return str(value) if isinstance(value, int) else numbers(value)
@@ -55,13 +55,3 @@ def in_c(text):
 def identifier(text):
     """Return a name of C and MATLAB."""
     return re.sub(r"\W", "_", text, flags=re.ASCII)
-
-
-def sizes(densities):
-    """Return the values of densities."""
-    return [density.value for density in densities]
-
-
-def unseen(densities):
-    """Return the end of a comment that names the densities that are upper limits."""
-    return "".join(f"; {density.words}" for density in densities if density.limit)

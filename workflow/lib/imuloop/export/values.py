@@ -1,6 +1,7 @@
-"""A device as the templates of all formats take it: its numbers and words by name."""
+"""The numbers and words of a device by name, for the templates of all formats."""
 
 from dataclasses import asdict, dataclass, field
+from operator import attrgetter
 
 import numpy as np
 
@@ -8,7 +9,6 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.effects.axes import AXES
-from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.bound import RANGE
 from imuloop.export.densities import UNITS, estimated, for_filter, of_calibrated
 from imuloop.model.calibration import Calibration
@@ -17,6 +17,7 @@ from imuloop.model.calibration import Calibration
 MODEL = "x = T (K (raw - b) - e)"
 # effects that several formats have a place for
 BIAS, G = "bias_temperature", "g_sensitivity"
+VALUE = attrgetter("value")
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class Exported:
     rate_hz: float | None  # of the logs, if known
     notes: tuple[str, ...] = ()  # on the noise, for its readers
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
-    # parameters, SI, of the effects found beside a reference, by sensor and name
-    beside: dict = field(default_factory=dict)
+    # parameters, SI, of the effects found with a reference, by sensor and name
+    reference: dict = field(default_factory=dict)
     sensors: tuple[str, ...] = tuple(SENSORS)  # those that the logs hold
 
     def sensor(self, name):
@@ -40,11 +41,11 @@ class Exported:
 
 
 def reasons(exported):
-    """Return why a device lacks what a format may need, by that need; none of what it has.
+    """Return the missing needs of formats with the reasons; empty if a device has them all.
 
-    Needs are ``calibration`` of either sensor or that of one by its name, ``rate`` and the noise
-    coefficients ``N``, ``K``, ``B`` of all axes. The noise of a sensor that the logs lack is not
-    needed.
+    Needs are the ``calibration`` of either sensor, the calibration of one sensor by its name,
+    ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. The noise of a sensor that
+    the logs lack is not needed.
     """
     calibration, found = exported.calibration, {}
     if not calibration.measured:
@@ -63,7 +64,7 @@ def reasons(exported):
 
 
 def values(exported):
-    """Return what the templates take: plain values of a device, each sensor's by its name.
+    """Return the plain values of a device for the templates, each sensor's by its name.
 
     A coefficient of noise that is not known has no entry: a format names it as its need, see
     `reasons`. A sensor that the logs lack has none either.
@@ -83,7 +84,7 @@ def values(exported):
         "notes": exported.notes,
         "temperatures": exported.temperature_range,
         "common_temperatures": common([s["temperatures"] for s in sensors.values() if s[BIAS]]),
-        "beside": exported.beside,
+        "reference": exported.reference,
         "bounded": RANGE,
     }
 
@@ -92,10 +93,10 @@ def sensor_values(exported, name):
     """Return the values of a sensor; z is the SI value that a raw one nominally stands for.
 
     ``scale`` and ``offset``, (3,): ``K (raw - b) = scale (z - offset)``, near 1 and in SI.
-    ``temperatures``: between which its bias was seen to follow them, degC, else those of the logs.
-    ``logged``, ``calibrated``: `Density` of each axis by coefficient; ``worst``, ``worst_logged``:
-    the largest N and K that a filter needs for an axis. ``Tg``, (3, 3): what specific force, on the
-    body's axes, adds to z. The effects are `FittedEffect`.
+    ``temperatures``: between which its bias was seen to follow them, degC, else the temperatures of
+    the logs. ``logged``, ``calibrated``: `Density` of each axis by coefficient; ``worst``,
+    ``worst_logged``: the largest N and K that a filter needs for an axis. ``Tg``, (3, 3), times
+    specific force on the body's axes is added to z. The effects are `FittedEffect`.
     """
     sensor, axes = exported.sensor(name), SENSORS[name]
     scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
@@ -118,16 +119,9 @@ def sensor_values(exported, name):
         "Tg": of_force / scale[:, None],
         "reference": effects[BIAS][0].effect.reference_temperature if effects[BIAS] else None,
         "temperatures": common(spans),
-        "late": [late_words(e) for e in effects[BIAS] if e.effect.lag],
         "seen": {key: [s for e in effects[key] if (s := seen_words(e))] for key in (BIAS, G)},
-        "turn_on": [
-            (", ".join(f"{std:.3g}" for std in e.effect.repeatability(e.values)[0]), e.effect.runs)
-            for e in sensor.effects
-            if e.name == TurnOnBias.name
-        ],
-        "noise": [exported.noise.axes[axis] for axis in axes],
     }
-    return found | noise_values(sensor, dict(zip(axes, found["noise"], strict=True)))
+    return found | noise_values(sensor, {axis: exported.noise.axes[axis] for axis in axes})
 
 
 def noise_values(sensor, noise):
@@ -136,38 +130,33 @@ def noise_values(sensor, noise):
     both = "NK" if {*"NK"} <= {*known} else ""
     logged = {t: [estimated(own, axis, t) for axis, own in noise.items()] for t in known}
     needed = {t: [for_filter(own, axis, t) for axis, own in noise.items()] for t in both}
-
-    def largest(densities):
-        return max(densities, key=lambda density: density.value)
-
     return {
         "logged": logged,
         "calibrated": {t: of_calibrated(sensor, found) for t, found in logged.items()},
-        "worst": {t: largest(of_calibrated(sensor, found)) for t, found in needed.items()},
-        "worst_logged": {t: largest(found) for t, found in needed.items()},
+        "worst": {t: max(of_calibrated(sensor, found), key=VALUE) for t, found in needed.items()},
+        "worst_logged": {t: max(found, key=VALUE) for t, found in needed.items()},
     }
 
 
 def left_out(sensor, name):
-    """Return what a format may not carry of a SensorCalibration: (its name, words on it)."""
-    found = []
-    if angle := np.abs(sensor.T - np.eye(3)).max() / DEGREE:
-        found.append(("misalignment", f"misalignment T, largest element {angle:.2g} deg"))
+    """Return the parts of a SensorCalibration that a format may not carry.
+
+    The first has the largest ``angle`` of T, deg; the others the ``equation`` of an effect, the
+    ``largest`` parameter by its unit and the ``constants``. All have a ``name``.
+    """
+    angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
+    parts = [{"name": "misalignment", "angle": angle}] if angle else []
     for fitted in sensor.effects:
         units, largest = fitted.effect.units(name), {}
         for key, value in fitted.values.items():
             largest[units[key]] = max(abs(value), largest.get(units[key], 0.0))
-        sizes = ", ".join(f"{value:.2g} {unit}" for unit, value in largest.items())
-        constants = asdict(fitted.effect).items()
-        words = [f"{fitted.name}: {fitted.effect.equation}", f"largest parameter {sizes}"]
-        words += [f"{key} = {c:g}" for key, c in constants if isinstance(c, (int, float))]
-        words += [f"{key} {c}" for key, c in constants if isinstance(c, str)]
-        found.append((fitted.name, "; ".join(words)))
-    return found
+        shape = {"equation": fitted.effect.equation, "constants": asdict(fitted.effect)}
+        parts.append({"name": fitted.name, "largest": largest} | shape)
+    return parts
 
 
 def common(spans):
-    """Return the lowest and highest value that all ranges have, None without, or of one unknown."""
+    """Return the lowest and highest value that all ranges have; None if any is unknown."""
     if not spans or None in spans:
         return None
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
@@ -183,12 +172,6 @@ def seen_range(fitted, names, offset=0.0):
 def temperature_range(fitted):
     """Return between which temperatures `bias_temperature` was seen, degC; None if unknown."""
     return seen_range(fitted, [f"c1{axis}" for axis in AXES], fitted.effect.reference_temperature)
-
-
-def late_words(fitted):
-    """Return what a lag of `bias_temperature` behind the thermometer means for a format."""
-    late = f"the thermometer of the logs is {fitted.effect.lag:.0f} s late"
-    return f"{BIAS}: {late}, which is not made up here: right at a steady temperature"
 
 
 def seen_words(fitted):

@@ -4,12 +4,12 @@ import math
 
 from imuloop.core.units import HOUR
 
-# what stands where there is no number
+# text in place of a missing number
 NO_NUMBER = "—"
 
 
 def missing(value):
-    """Return whether there is no finite number."""
+    """Return whether a value is None or not finite."""
     return value is None or not math.isfinite(value)
 
 
@@ -37,6 +37,7 @@ def superscript(exponent):
 
 
 def _tens(exponent):
+    """Return a power of ten as the end of a number."""
     return f"\u202f×\u202f10{superscript(exponent)}"
 
 
@@ -79,7 +80,7 @@ def with_unit(text, unit):
 
 
 def probability(p):
-    """Return a p-value; below 1e-10 its size means nothing."""
+    """Return a p-value as text; below 1e-10 its size means nothing."""
     return f"<\u202f10{superscript(-10)}" if not missing(p) and p < 1e-10 else number(p, 2)
 
 
@@ -108,17 +109,21 @@ def duration(seconds, digits=3):
 
 
 def sigma_of(coefficient):
-    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None without one."""
+    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None if it has no interval."""
     low, high = coefficient.ci95 or (None, None)
     return None if low is None else (high - low) / (2 * 1.959964)
 
 
+def value_text(value, std, upper95=None, factor=1.0):
+    """Return ``value ± σ`` in another unit, or the 95 % upper limit of a missing value."""
+    if not missing(value):
+        return with_sigma(value, std, factor)
+    return NO_NUMBER if missing(upper95) else f"<\u202f{number(upper95 * factor, 2)}"
+
+
 def coefficient_text(coefficient, factor=1.0):
-    """Return a noise `Coefficient` as ``value ± σ``, or its 95 % upper limit without one."""
-    upper = coefficient.upper95
-    if coefficient.value is not None:
-        return with_sigma(coefficient.value, sigma_of(coefficient), factor)
-    return NO_NUMBER if upper is None else f"<\u202f{number(upper * factor, 2)}"
+    """Return a noise `Coefficient` as ``value ± σ``, or its 95 % upper limit if not seen."""
+    return value_text(coefficient.value, sigma_of(coefficient), coefficient.upper95, factor)
 
 
 def interval_text(interval, factor=1.0):

@@ -1,37 +1,84 @@
-"""A page of the report: its style, its script, and the only script that it allows."""
+"""Pages and sentences of the report, from its templates."""
 
 import base64
 import hashlib
+import re
+from functools import cache
 from pathlib import Path
 
+import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from imuloop.core.errors import joined, plural
 from imuloop.core.files import replaced
+from imuloop.report import numbers
+from imuloop.report.units import data_sheet
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
-FILES = ("style.css", "page.js")
+# the words for the names in result files
+WORDS = yaml.safe_load((TEMPLATES / "words.yaml").read_text("utf-8"))
+RECORDS = WORDS["records"]
+RESIDUALS = {name: words[0] for name, words in WORDS["residuals"].items()}
 # the headings of a device's part, in its identifiers
 PARTS = ("verdict", "diagnosis", "calibration", "noise", "data")
 
 
-def write(path, template, **values):
-    """Write a template filled in; all text is escaped, a value that is missing is an error."""
-    environment = Environment(
+def effect_words(effect):
+    """Return the words for an effect, a mapping with its ``name`` and perhaps its ``constants``."""
+    constants = effect.get("constants") or {}
+    if "formula" in constants:
+        return f"{constants['formula']} on {constants['axis']}"
+    return WORDS["effects"].get(effect["name"], effect["name"].replace("_", " "))
+
+
+@cache
+def environment(escape):
+    """Return the environment of the templates; a missing value is an error.
+
+    If `escape`, every text is escaped, as in HTML.
+    """
+    made = Environment(
         loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
+        autoescape=escape,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    html = environment.get_template(template).render(**values)
+    made.globals |= {"phrase": phrase, "plural": plural, "WORDS": WORDS, "RESIDUALS": RESIDUALS}
+    made.filters |= {"joined": joined, "effect": effect_words, "shown": shown}
+    names = ("duration", "interval_text", "number", "p_text", "percent", "with_unit")
+    made.filters |= {name: getattr(numbers, name) for name in names}
+    return made
+
+
+def shown(value, unit, digits=3):
+    """Return an SI value as text, in the unit of data sheets for the SI `unit`."""
+    return data_sheet(unit).text(value, digits)
+
+
+def phrase(code, **values):
+    """Return the text of a finding: the macro `code` of ``phrases.j2``, given its numbers."""
+    macro = getattr(environment(escape=False).get_template("phrases.j2").module, code)
+    text = re.sub("[ \n]+", " ", macro(**values))
+    return re.sub(" ([.,;:?)])", r"\1", text).strip()
+
+
+def sentence(text):
+    """Return a text with a capital letter first, and a full stop or a question mark last."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?')) else '.'}"
+
+
+def write(path, template, **values):
+    """Write a page from a template."""
+    html = environment(escape=True).get_template(template).render(**values)
     with replaced(path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
 
 
 def write_page(path, template, **values):
     """Write a page that needs no other file, from a template that extends ``page.html.j2``."""
-    style, script = ((TEMPLATES / name).read_text("utf-8") for name in FILES)
+    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "page.js"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     looks = {"style": Markup(style), "script": Markup(script), "script_hash": f"sha256-{digest}"}
     write(path, template, parts=PARTS, **looks, **values)

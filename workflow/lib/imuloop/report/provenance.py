@@ -1,4 +1,4 @@
-"""What made a report: commit, command, versions, resolved config."""
+"""The origin of a report: commit, command, versions, resolved config."""
 
 import platform
 import subprocess
@@ -10,7 +10,7 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "vqf")
 
 
 def provenance(release, repository, command, config):
-    """Return what is needed to make a report again: commit, command, versions and config.
+    """Return commit, command, versions and config, by which a report can be made again.
 
     Takes imuloop's version, the folder of the workflow, the command that was run, the resolved
     config of all devices.
@@ -41,7 +41,7 @@ def commit(repository):
 
 
 def run_git(repository, *command):
-    """Return what a git command prints of a checkout, one of another user's too."""
+    """Return the output of a git command in a checkout, even if another user owns it."""
     git = ["git", "-c", f"safe.directory={repository}", "-C", str(repository)]
     done = subprocess.run([*git, *command], check=True, capture_output=True, text=True)
     return done.stdout.strip()

@@ -9,15 +9,14 @@ from markupsafe import Markup
 
 from imuloop.core.errors import joined, plural
 from imuloop.core.files import plain, read_json, replaced
+from imuloop.core.samples import SENSORS
 from imuloop.export.bound import RANGE
-from imuloop.report.card import headline
-from imuloop.report.figures import comparison as figures
-from imuloop.report.figures.drawing import write_svg
+from imuloop.report import comparison
+from imuloop.report.family import family_tables, finding
+from imuloop.report.figures.comparison import allan_comparison, line_style
 from imuloop.report.figures.loop import loop_picture, reach
-from imuloop.report.page import write_page
-from imuloop.report.tables import comparison as tables
-from imuloop.report.tables import family as of_type
-from imuloop.report.verdict import WORDS, grouped
+from imuloop.report.findings import grouped, headline
+from imuloop.report.page import RECORDS, WORDS, write_page
 
 # the most devices whose parts are in the report itself; of more each has its own page
 TOGETHER = 10
@@ -31,31 +30,27 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     folders : sequence of Path
         Complete results of each device, in the order to show them.
     provenance : dict
-        What made the report: `imuloop` (its version), `commit`, `command`, `versions`, `config`
+        Origin of the report: `imuloop` (its version), `commit`, `command`, `versions`, `config`
         (resolved), …; single values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
-        HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
+        HTML and CSV file to write; pictures of all devices go into ``figures`` next to the latter.
     family_path : path-like, optional
-        family.json, where devices name their type.
+        family.json, if devices name their type.
     failures : list of imuloop.failures.Failure
         One for each device that has no complete results; they come first.
     """
     folders = [Path(folder) for folder in folders]
     devices = [read_json(folder / "summary.json") for folder in folders]
-    together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
+    together, labels = len(devices) <= TOGETHER, {d["device"]: d["label"] for d in devices}
     with replaced(comparison_path) as temporary:
-        tables.write_comparison(temporary, devices, failures)
+        comparison.write_comparison(temporary, devices, failures)
     drawings = Path(comparison_path).with_name("figures")
     drawings.mkdir(exist_ok=True)
     # one device is compared with none: its own part has its curves
-    several = devices if len(devices) > 1 else ()
-    allan = figures.allan_comparison(several, drawings, together)
-    types = read_json(family_path)["types"] if family_path else {}
-    families = [
-        _family(*each, {d["device"]: d["label"] for d in devices}) for each in types.items()
-    ]
+    allan = allan_comparison(devices if len(devices) > 1 else (), together)
     for picture in allan:
-        write_svg(drawings, picture.stem, picture)
+        picture.write(drawings)
+    types = read_json(family_path)["types"] if family_path else {}
     # on one axis they can be compared by eye
     ends = reach([error for d in devices for error in d["loop"]])
     write_page(
@@ -68,24 +63,25 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         # escaped when they were written
         sections=[Markup(_section(folder)) for folder in folders if together],
         devices=devices,
-        rows=list(
-            zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
-        ),
-        columns=tables.COLUMNS,
+        columns={sensor: comparison.columns(sensor) for sensor in SENSORS},
+        cells={sensor: [comparison.cells(d, sensor) for d in devices] for sensor in SENSORS},
         loops=[loop_picture(d["device"], d["loop"], ends) if together else None for d in devices],
-        rank=tables.verdict_rank,
-        verdict_parts=tables.verdict_parts,
-        filters=[tables.filter_cells(d) for d in devices],
+        rank=comparison.verdict_rank,
+        records=RECORDS,
+        headers=WORDS["compared"],
+        filters=[comparison.filter_cells(d) for d in devices],
         bounded=RANGE,
         exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
-        verdict_words=WORDS,
         allan=allan,
-        families=families,
-        styles=[figures.line_style(i) for i in range(len(devices))],
-        comparison=comparison,
+        families=[
+            {"name": name, "finding": finding(t, labels), "tables": family_tables(t, labels)}
+            for name, t in types.items()
+        ],
+        styles=[line_style(i) for i in range(len(devices))],
+        comparison=Path(comparison_path).name,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
         texts={
-            k: yaml.safe_dump(_given(plain(v)), sort_keys=False, allow_unicode=True)
+            k: yaml.safe_dump(_filled(plain(v)), sort_keys=False, allow_unicode=True)
             for k, v in provenance.items()
             if isinstance(v, Mapping)
         },
@@ -93,40 +89,31 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
 
 
 def _section(folder):
-    """Return a device's part without what the report says first: why sessions were rejected."""
+    """Return a device's part without the reasons of rejected sessions, which the report has."""
     text = (folder / "section.html").read_text("utf-8")
     return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
-
-
-def _family(name, found, labels):
-    """Return what is laid out of a type, by its name and its content of family.json."""
-    return {
-        "name": name,
-        "finding": of_type.finding(found, labels),
-        "tables": of_type.family_tables(found, labels),
-    }
 
 
 def verdict_lines(folders):
     """Return a line per device with its verdicts; of many devices one per group that has them."""
     devices = [read_json(Path(folder) / "summary.json") for folder in folders]
     if len(devices) <= TOGETHER:
-        given = [(device["label"], device["answers"]) for device in devices]
+        groups = [(device["label"], device["answers"]) for device in devices]
     else:
-        given = [(plural(len(found), "device"), answers) for answers, found in grouped(devices)]
+        groups = [(plural(len(names), "device"), said) for said, names in grouped(devices)]
     lines = []
-    for name, answers in given:
-        of_words = {}
-        for sensor, _, words in answers:
-            of_words.setdefault(words, []).append(sensor)
-        said = "; ".join(f"{joined(sensors)} {words}" for words, sensors in of_words.items())
+    for name, answers in groups:
+        places = {}
+        for place, _, words in answers:
+            places.setdefault(words, []).append(place)
+        said = "; ".join(f"{joined(where)} {words}" for words, where in places.items())
         lines.append(f"{name}: {said}")
     return lines
 
 
-def _given(content):
-    """Return what a mapping says, without keys that hold nothing."""
+def _filled(content):
+    """Return a mapping without keys that hold nothing."""
     if not isinstance(content, Mapping):
         return content
-    known = {key: _given(value) for key, value in content.items()}
-    return {key: value for key, value in known.items() if value not in (None, {}, [], "")}
+    kept = {key: _filled(value) for key, value in content.items()}
+    return {key: value for key, value in kept.items() if value not in (None, {}, [], "")}

@@ -1,11 +1,9 @@
-"""What the stages found out about a device, read from its folder."""
+"""The results of all stages for a device, read from its folder."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import permutations
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from imuloop.core.files import read_json
@@ -14,7 +12,7 @@ from imuloop.core.samples import CHANNELS, SENSORS, Samples, read_metadata
 from imuloop.model.calibration import Calibration
 
 XYZ = ("x", "y", "z")
-# unit of what each sensor gives, as printed and as in files
+# unit of the output of each sensor, as printed and as in files
 UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
 FILE_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 CALIBRATIONS = {
@@ -45,7 +43,7 @@ class SessionResults:
 
     @property
     def reasons(self):
-        """Why the session could not be used."""
+        """The reasons why the session could not be used."""
         return self.quality["reasons"]
 
     @property
@@ -54,7 +52,7 @@ class SessionResults:
         return self.segments["pose"][self.segments["pose"] >= 0].nunique()
 
     def seconds(self, kind):
-        """Return how long all segments of a kind are, s."""
+        """Return the length of all segments of a kind, s."""
         s = self.segments[self.segments["kind"] == kind]
         return float((s["end_s"] - s["start_s"]).sum())
 
@@ -87,7 +85,7 @@ class DeviceResults:
 
     @property
     def title(self):
-        """The label, which says of a simulated device that it is one."""
+        """The label; for a simulated device it has the word ``simulated``."""
         plain = not self.simulated or "simulated" in self.label.lower()
         return self.label if plain else f"{self.label} (simulated)"
 
@@ -108,7 +106,7 @@ class DeviceResults:
 
 
 def axes_of(content):
-    """Return an `AxisNoise` for each channel of noise.json, without a term where it has none."""
+    """Return an `AxisNoise` for each channel of noise.json, empty for a channel that it lacks."""
     return {c: AxisNoise.from_dict(content[c]) if c in content else AxisNoise() for c in CHANNELS}
 
 
@@ -118,9 +116,10 @@ def of_axes(values, sensor):
 
 
 def read_device(name, label, folder, sessions, data_sheet=None):
-    """Return the results of a device in ``results/<device>``; kind of each session by its name.
+    """Return the results of a device in ``results/<device>``.
 
-    And its data sheet, as in `imuloop.sensors.device_figures`.
+    `sessions` gives the kind of each session by its name; `data_sheet` is as in
+    `imuloop.sensors.device_figures`.
     """
     folder = Path(folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
@@ -152,21 +151,3 @@ def _session(folder, kind, spectra):
         pd.read_parquet(folder / "allan.parquet"),
         spectra[spectra["session"] == folder.name].reset_index(drop=True),
     )
-
-
-def base_parameters(sensor):
-    """Return bias, scale factor error and misalignment of a `SensorCalibration` with their σ.
-
-    ``bias`` (SI), ``scale`` (relative), each a pair of value and σ, shape (3,), and
-    ``misalignment`` {(i, j): (value, σ)}, rad; σ is not-a-number where it was not estimated.
-    """
-    std, unit = sensor.std, sensor.raw_unit
-    sigma = {p: np.array([std.get(f"{p}{i}", np.nan) for i in range(3)]) for p in "Kb"}
-    return {
-        "bias": (unit.to_si(sensor.b), sigma["b"] * unit.scale),
-        "scale": (sensor.K / unit.scale - 1, sigma["K"] / unit.scale),
-        "misalignment": {
-            (i, j): (sensor.T[i, j], std.get(f"T{i}{j}", np.nan))
-            for i, j in permutations(range(3), 2)
-        },
-    }

@@ -9,45 +9,45 @@ import imuloop.effects  # noqa: F401
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.model.calibration import UNEXPLAINED
-from imuloop.report.advice import next_steps, what_next
-from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.drawing import Picture, write_svg
-from imuloop.report.page import write, write_page
+from imuloop.report import tables
+from imuloop.report.advice import next_step
+from imuloop.report.comparison import summarise
+from imuloop.report.figures.attitude import attitude_finding
+from imuloop.report.figures.drawing import Picture
+from imuloop.report.findings import blocks, record_title
+from imuloop.report.page import WORDS, phrase, write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, read_device
-from imuloop.report.summary import summarise
-from imuloop.report.tables import calibration, candidates, data, diagnosis, noise
-from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
 def write_section(name, label, folder, sessions, data_sheet=None):
     """Write a device's section, its page, its row of the comparison and its figures.
 
-    Takes name and label as in the config, the folder ``results/<device>``, the kind of each session
-    by its name, and the device's ``data_sheet`` as in `device_figures`. The label is shown as it
-    is, never as markup.
+    `name` and `label` are as in the config, `folder` is ``results/<device>``, `sessions` gives the
+    kind of each session by its name, `data_sheet` is as in `device_figures`. The label is shown as
+    it is, never as markup.
     """
     device = read_device(name, label, folder, sessions, data_sheet)
     if device.figures.exists():
         shutil.rmtree(device.figures)
     device.figures.mkdir(parents=True)
     values = content(device)
-    whole = pictures(device, "loop")
-    for picture in (*whole, *_inside(values)):
-        write_svg(device.figures, picture.stem, picture)
+    loop = pictures(device, "loop")
+    for picture in (*loop, *_inside(values)):
+        picture.write(device.figures)
     section = device.folder / "section.html"
     write(section, "section.html.j2", device=device, **values)
-    summary = summarise(device, values["steps"])
+    summary = summarise(device)
     write_json(device.folder / "summary.json", summary)
-    # text was escaped when it was written; links are those of a page in the folder above
+    # text was escaped when it was written; links are relative to the folder above
     text = section.read_text("utf-8").replace(f'href="{device.name}/', 'href="')
     looks = {"device": device.name, "label": device.title, "section": Markup(text)}
-    looks |= {"said": summary["card"], "loop_of": whole[0] if whole else None}
+    looks |= {"said": summary["card"], "loop_of": loop[0] if loop else None}
     write_page(device.folder / "report.html", "device.html.j2", **looks)
 
 
 def _inside(values):
-    """Return every picture of what is laid out."""
+    """Return every picture in nested dicts and lists of values."""
     if isinstance(values, Picture):
         return [values]
     parts = values.values() if isinstance(values, dict) else values
@@ -55,61 +55,56 @@ def _inside(values):
 
 
 def content(device):
-    """Return what the section's template lays out, and write the figures' numbers."""
+    """Return the values of the section's template."""
     final = device.calibrations["final"]
 
-    def tables(make):
+    def of_sensors(make):
+        """Return the table of each sensor that has one."""
         return [table for sensor in SENSORS if (table := make(device, sensor))]
 
-    parts = [diagnosis_part(device, *each) for each in blocks(device.diagnosis)]
-    told = [p["next_step"] for p in parts]
-    # the same of two sensors once
-    for i, p in enumerate(parts):
-        p["next_step"] = "" if told[i] in told[:i] else told[i]
-    # what could not be tested comes last
+    parts = [diagnosis_part(device, block) for block in blocks(device.diagnosis)]
+    # parts that could not be tested come last
     parts.sort(key=lambda p: p["verdict"] == "not_testable")
     verdicts = {}
     for p in parts:
         verdicts.setdefault(p["sentence"], []).append(p)
+    methods = {sensor: getattr(final, sensor).method for sensor in SENSORS}
     return {
         "parts": parts,
         "verdicts": verdicts,
-        "steps": next_steps(device),
+        "advice": next_step(device),
         "exports": listed(device.folder / "exports.json"),
-        "rejected": [s for s in device.sessions if s.rejected],
-        "data": data.data_table(device),
-        "warnings": [(s.name, text) for s in device.sessions for text in s.quality["warnings"]],
-        "basis": [(s, calibration.METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
-        "reasons": calibration.reasons(device),
+        "data": tables.data_table(device),
+        "basis": {sensor: WORDS["methods"][method] for sensor, method in methods.items()},
+        "reasons": tables.reasons(device),
         "unexplained": [s for s in SENSORS if getattr(final, s).unexplained],
         "unexplained_words": UNEXPLAINED,
-        "parameters": tables(calibration.parameter_table),
-        "model": tables(calibration.model_table),
-        "coefficients": tables(noise.coefficient_table),
-        "attitude": attitude_part(device),
-        **{k: pictures(device, k) for k in ("poses", *OF_SESSION)},
+        "parameters": of_sensors(tables.parameter_table),
+        "model": of_sensors(tables.model_table),
+        "coefficients": of_sensors(tables.coefficient_table),
+        "attitude": attitude_finding(device),
+        "filter": pictures(device, "attitude"),
+        **{kind: pictures(device, kind) for kind in ("poses", *OF_SESSION)},
     }
 
 
-def diagnosis_part(device, sensor, part, block):
-    """Return what is laid out of a sensor and kind of data."""
-    verdict, above = block["verdict"], block["verdict"] in ABOVE
-    tables = [diagnosis.steps_table(sensor, part, block)]
-    tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
-    if part == "reference":
-        tables.append(diagnosis.set_up_table(sensor, block))
-    elif part == "static_record":
-        tables.append(noise.noise_change_table(sensor, block))
+def diagnosis_part(device, block):
+    """Return the values of the template for a sensor in one kind of data."""
+    made = [tables.steps_table(block)]
+    made += [tables.effect_table(block, effect) for effect in block["effects"]]
+    if block["part"] == "reference":
+        made.append(tables.set_up_table(block))
+    elif block["part"] == "static_record":
+        made.append(tables.noise_change_table(device, block["sensor"]))
     return {
         # where links lead
-        "identity": f"{device.name}.{sensor}.{part}",
-        "title": f"{sensor.capitalize()}, {PARTS[part]}",
-        "verdict": verdict,
+        "identity": f"{device.name}.{block['sensor']}.{block['part']}",
+        "title": record_title(block),
+        "verdict": block["verdict"],
         # with which the sentence begins
-        "words": WORDS[verdict],
-        "sentence": sentence(sensor, block),
-        "effects": [t for t in tables if t],
-        "ranking": candidates.ranking_table(sensor, part, block),
-        "next_step": what_next(block) if above else "",
-        **{k: make(device, sensor, part, block) for k, make in OF_RECORD.items()},
+        "words": block["verdict"].replace("_", " "),
+        "sentence": phrase("verdict", b=block),
+        "effects": [t for t in made if t],
+        "ranking": tables.ranking_table(block),
+        **{kind: make(device, block) for kind, make in OF_RECORD.items()},
     }

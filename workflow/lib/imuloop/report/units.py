@@ -14,11 +14,11 @@ class Display:
     factor: float
 
     def size(self, value, digits=3):
-        """Return an SI value, of which there may be none, as a number in this unit."""
+        """Return an SI value as a number in this unit, or a dash if it is missing."""
         return number(None if missing(value) else value * self.factor, digits)
 
     def text(self, value, digits=3):
-        """Return the same with the unit."""
+        """Return an SI value as a number with this unit, or a dash if it is missing."""
         return with_unit(self.size(value, digits), self.unit)
 
 
@@ -31,18 +31,12 @@ DEGREES = Display("°", 1 / DEGREE)
 PERCENT = Display("%", 1e2)
 MILLIRADIAN = Display("mrad", 1e3)
 
-# of a residual, by its SI unit
-RESIDUAL = {
-    "m/s^2": MILLI_G,
-    "rad/s": DEGREE_PER_SECOND,
-    "rad": DEGREES,
-    "m/s": Display("mm/s", 1e3),
-}
-# of an effect's parameter, by its SI unit; what is not here is shown in SI
+# by SI unit; a unit that is not here is shown as it is
 _DATA_SHEET = {
     "1": Display("ppm", 1e6),
     "1 per K": Display("ppm/K", 1e6),
     "m": Display("mm", 1e3),
+    "m/s": Display("mm/s", 1e3),
     "s": Display("ms", 1e3),
     "m/s^2 per rad/s": Display("mm/s² per rad/s", 1e3),
     "m/s^2": MILLI_G,
@@ -67,79 +61,50 @@ _DATA_SHEET = {
     "rad/s per (rad/s)^3": Display("ppm per (°/s)²", 1e6 * DEGREE**2),
     "rad": DEGREES,
 }
-# of the noise coefficients: SI, then those of data sheets, the usual one first
-_NOISE = {
+# noise coefficients, in the order of the tables
+COEFFICIENTS = "QNBKR"
+# by sensor and quantity of a calibration or a noise model
+QUANTITIES = {
     "accelerometer": {
-        "Q": (("m/s", 1.0), ("mm/s", 1e3)),
-        "N": (("m/s²/√Hz", 1.0), ("µg/√Hz", _MICRO_G), ("m/s/√h", HOUR**0.5)),
-        "B": (("m/s²", 1.0), ("µg", _MICRO_G)),
-        "K": (("m/s³/√Hz", 1.0), ("µg/√s", _MICRO_G)),
-        "R": (("m/s³", 1.0), ("µg/h", _MICRO_G * HOUR)),
-        "amplitude": (("m/s²", 1.0), ("mg", _MILLI_G)),
+        "bias": MILLI_G,
+        "scale": PERCENT,
+        "misalignment": MILLIRADIAN,
+        "Q": Display("mm/s", 1e3),
+        "N": Display("µg/√Hz", _MICRO_G),
+        "B": Display("µg", _MICRO_G),
+        "K": Display("µg/√s", _MICRO_G),
+        "R": Display("µg/h", _MICRO_G * HOUR),
     },
     "gyroscope": {
-        "Q": (("rad", 1.0), ("arcsec", HOUR / DEGREE)),
-        "N": (("rad/s/√Hz", 1.0), ("°/√h", HOUR**0.5 / DEGREE), ("°/s/√Hz", 1 / DEGREE)),
-        "B": (("rad/s", 1.0), ("°/h", _DEGREE_PER_HOUR)),
-        "K": (("rad/s²/√Hz", 1.0), ("°/h/√h", _DEGREE_PER_HOUR * HOUR**0.5)),
-        "R": (("rad/s²", 1.0), ("°/h/h", _DEGREE_PER_HOUR * HOUR)),
-        "amplitude": (("rad/s", 1.0), ("°/h", _DEGREE_PER_HOUR)),
+        "bias": DEGREE_PER_SECOND,
+        "scale": PERCENT,
+        "misalignment": MILLIRADIAN,
+        "Q": Display("arcsec", HOUR / DEGREE),
+        "N": Display("°/√h", HOUR**0.5 / DEGREE),
+        "B": Display("°/h", _DEGREE_PER_HOUR),
+        "K": Display("°/h/√h", _DEGREE_PER_HOUR * HOUR**0.5),
+        "R": Display("°/h/h", _DEGREE_PER_HOUR * HOUR),
     },
 }
-# in the order of the tables
-COEFFICIENTS = "QNBKR"
 
 
 def data_sheet(unit):
-    """Return the unit to show values of a parameter in, given its SI unit."""
+    """Return the unit to show values in, given their SI unit."""
     return _DATA_SHEET.get(unit) or Display(typeset(unit or "SI"), 1.0)
 
 
 def spans(values, units):
-    """Return the least and greatest of values (SI, by name) that share a unit, two digits each."""
-    found = {}
+    """Return the least and the greatest of values that share a unit, as texts of two digits.
+
+    `values` are in SI by name, `units` their SI units by the same names.
+    """
+    by_unit = {}
     for name, value in values.items():
         if not missing(value):
-            found.setdefault(units.get(name), []).append(value)
+            by_unit.setdefault(units.get(name), []).append(value)
     texts = []
-    for unit, sizes in found.items():
+    for unit, sizes in by_unit.items():
         display = data_sheet(unit)
-        ends = dict.fromkeys(number(f(sizes) * display.factor, 2) for f in (min, max))
+        ends = dict.fromkeys(display.size(end, 2) for end in (min(sizes), max(sizes)))
         texts.append(with_unit(" to ".join(ends), display.unit))
     return texts
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A noise coefficient: letter and name, its unit in SI, those of data sheets, usual first."""
-
-    words: str
-    si: Display
-    sheet: tuple[Display, ...]
-
-
-def quantities(sensor):
-    """Return the `Quantity` of each coefficient of a sensor by its name in noise.json."""
-    units = _NOISE[sensor]
-    units = units | {"q": units["K"], "tc": (("s", 1.0),) * 2, "frequency": (("Hz", 1.0),) * 2}
-    walk, white = (
-        ("acceleration random walk", "velocity random walk")
-        if sensor == "accelerometer"
-        else ("rate random walk", "angle random walk")
-    )
-    found = {
-        "Q": "Q, quantisation",
-        "N": f"N, white noise ({white})",
-        "B": "B, bias instability",
-        "K": f"K, {walk}",
-        "R": "R, ramp",
-        "q": "q, drive of a Gauss–Markov process",
-        "tc": "T, its correlation time",
-        "amplitude": "Ω, amplitude of a line",
-        "frequency": "f, its frequency",
-    }
-    result = {}
-    for key, words in found.items():
-        shown, *sheet = (Display(*each) for each in units[key])
-        result[key] = Quantity(words, shown, tuple(sheet))
-    return result

@@ -1,32 +1,32 @@
-"""How the bias wandered over a static record, before and after correction, with temperature."""
+"""The bias over a static record and against temperature, before and after the correction."""
 
 import numpy as np
 import pandas as pd
+from numpy.polynomial import Polynomial
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, drawn
+from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, Picture
 from imuloop.report.figures.time_series import clock, extremes
-from imuloop.report.numbers import number
+from imuloop.report.page import phrase
 from imuloop.report.results import XYZ
-from imuloop.report.units import RESIDUAL
+from imuloop.report.units import data_sheet
 
-# stretches that a line is cut into, two points each
+# parts that a line is cut into, two points each
 BUCKETS = 64
-# of a point of diagnosis.json what is shown
+# keys of a point of diagnosis.json
 COLUMNS = ["session", "start_s", "floor", "values", "corrected"]
 
 
-def bias_pictures(device, sensor, block):
-    """Return how a sensor's bias wandered over each static record, against the floor."""
+def bias_pictures(device, block):
+    """Return pictures of a sensor's bias over each static record, against the floor."""
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     return [
-        _picture(device, sensor, session, found, block)
-        for session, found in points.groupby("session", sort=False)
+        _picture(device, name, rows, block) for name, rows in points.groupby("session", sort=False)
     ]
 
 
 def temperatures(session, start):
-    """Return the mean temperature over each window, °C; None where it was not logged.
+    """Return the mean temperature over each window, °C; None if it was not logged.
 
     A window begins at each `start`, shape (n,), s, and ends where the next may start.
     """
@@ -36,35 +36,35 @@ def temperatures(session, start):
     edges = np.searchsorted(session.samples[TIME], edges)
     value = session.samples[TEMPERATURE]
     inside = (value[i:j][np.isfinite(value[i:j])] for i, j in edges)
-    found = np.array([x.mean() if len(x) else np.nan for x in inside])
-    return found if np.isfinite(found).any() else None
+    means = np.array([x.mean() if len(x) else np.nan for x in inside])
+    return means if np.isfinite(means).any() else None
 
 
-def _picture(device, sensor, session, points, block):
-    display = RESIDUAL[block["residuals"]["bias"]["unit"]]
+def _picture(device, session, points, block):
+    sensor, display = block["sensor"], data_sheet(block["residuals"]["bias"]["unit"])
     t, floor = (points[k].to_numpy(float) for k in ("start_s", "floor"))
     before, floor, after = np.stack(points["values"].to_numpy()), floor / np.sqrt(3), None
     if block["effects"] and points["corrected"].notna().all():
         after = np.stack(points["corrected"].to_numpy())
-    logged = temperatures(next(s for s in device.sessions if s.name == session), t)
-    columns = {"start_s": t, "floor": floor, **dict(zip(XYZ, before.T, strict=True))}
+    warmth = temperatures(next(s for s in device.sessions if s.name == session), t)
+    numbers = {"start_s": t, "floor": floor, **dict(zip(XYZ, before.T, strict=True))}
     if after is not None:
-        columns |= {f"{axis}_corrected": y for axis, y in zip(XYZ, after.T, strict=True)}
-    if logged is not None:
-        columns["temperature_degC"] = logged
+        numbers |= {f"{axis}_corrected": y for axis, y in zip(XYZ, after.T, strict=True)}
+    if warmth is not None:
+        numbers["temperature_degC"] = warmth
     unit, size = clock(t[-1])
     # an area for all axes, or one for each; one more for the temperature
-    count, warm = 1 if after is None else 3, logged is not None
+    count, warm = 1 if after is None else 3, warmth is not None
 
     def line(area, y, colour, width=1.0, **looks):
+        """Draw a series over time by its extremes."""
         chosen = extremes(y, BUCKETS)
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
     def plot(areas):
         areas = areas if isinstance(areas, list) else [areas]
         for i, (axis, colour) in enumerate(zip(XYZ, AXES, strict=True)):
-            area = areas[i % count]
-            old = before[:, i] * display.factor
+            area, old = areas[i % count], before[:, i] * display.factor
             if after is None:
                 line(area, old, colour, label=axis)
                 area.set_ylabel(f"mean minus bias, {display.unit}")
@@ -76,34 +76,83 @@ def _picture(device, sensor, session, points, block):
             for sign in (1, -1):
                 line(area, sign * floor * display.factor, INK, ls="--", label="floor, 1 σ")
         if warm:
-            line(areas[-1], logged, PURPLE, 1.4)
+            line(areas[-1], warmth, PURPLE, 1.4)
             areas[-1].set_ylabel("°C")
         areas[-1].set_xlabel(f"time, {unit}")
 
-    return drawn(
-        device,
-        f"{session}.bias_{sensor}",
+    spans = [np.ptp(x, axis=0) for x in (before, after) if x is not None]
+    moved = (" → ".join(display.size(v, 2) for v in pair) for pair in zip(*spans, strict=True))
+    caption = phrase(
+        "bias",
+        session=session,
+        sensor=sensor,
+        moved=f"{', '.join(moved)} {display.unit}",
+        changed=after is not None,
+        floor=f"{display.size(np.nanmean(floor), 2)} {display.unit}",
+        warmth=(np.nanmin(warmth), np.nanmax(warmth)) if warm else (),
+    )
+    return Picture(
+        f"{device.name}.{session}.bias_{sensor}",
         "Means at rest",
-        _finding(session, sensor, before, after, floor, logged, display),
+        caption,
         plot,
-        columns,
+        numbers,
         size=(440, 270 + 70 * warm + 130 * (count == 3)),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
     )
 
 
-def _finding(session, sensor, before, after, floor, logged, display):
-    """Return how far the bias moved, before and after, and over which temperatures."""
-    spans = [
-        [display.size(v, 2) for v in np.ptp(x, axis=0)] for x in (before, after) if x is not None
+def temperature_pictures(device, block):
+    """Return the bias against temperature with the fitted curve, if this effect was added."""
+    effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
+    points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
+    if effect is None or points.empty or points["corrected"].isna().any():
+        return []
+    display = data_sheet(block["residuals"]["bias"]["unit"])
+    theta0, order = (effect["constants"][k] for k in ("reference_temperature", "order"))
+    curves = [
+        Polynomial([0.0, *(effect["parameters"][f"c{k}{axis}"] for k in range(1, order + 1))])
+        for axis in XYZ
     ]
-    moved = ", ".join(" → ".join(pair) for pair in zip(*spans, strict=True))
-    text = (
-        f"{session}, {sensor}: the bias moves by {moved} {display.unit} from peak to peak "
-        f"(x, y, z{'; before → after' if after is not None else ''}); noise alone, 1 σ, "
-        f"{display.size(np.nanmean(floor), 2)} {display.unit}"
+    sessions = []
+    for name, part in points.groupby("session", sort=False):
+        session = next(s for s in device.sessions if s.name == name)
+        warmth = temperatures(session, part["start_s"].to_numpy(float))
+        if warmth is None:
+            continue
+        rows = {"session": name, "temperature_degC": warmth}
+        old, new = (np.stack(part[column].to_numpy()) for column in ("values", "corrected"))
+        for i, axis in enumerate(XYZ):
+            # each record has its own mean, which the curve does not have
+            level = np.nanmedian(old[:, i] - curves[i](warmth - theta0))
+            rows |= {axis: old[:, i] - level, f"{axis}_corrected": new[:, i]}
+        sessions.append(pd.DataFrame(rows).dropna())
+    if not sessions:
+        return []
+    numbers = pd.concat(sessions)
+    low, high = numbers["temperature_degC"].min(), numbers["temperature_degC"].max()
+    grid = np.linspace(low, high, 100)
+    fitted = [curve(grid - theta0) for curve in curves]
+
+    def plot(areas):
+        for area, axis, curve in zip(areas, XYZ, fitted, strict=True):
+            for rows in sessions:
+                theta, old, new = (rows[k] for k in ("temperature_degC", axis, f"{axis}_corrected"))
+                area.plot(theta, old * display.factor, color=ORANGE, label="before")
+                area.plot(theta, new * display.factor, color=BLUE, label="after")
+            area.plot(grid, curve * display.factor, color=INK, ls="--", label="fitted curve")
+            area.set_ylabel(f"{axis}, {display.unit}")
+        areas[-1].set_xlabel("temperature, °C")
+
+    changes = ", ".join(display.size(np.ptp(curve), 2) for curve in fitted)
+    caption = phrase(
+        "over_temperature",
+        sensor=block["sensor"],
+        low=low,
+        high=high,
+        changes=f"{changes} {display.unit}",
     )
-    if logged is not None:
-        low, high = (number(f(logged)) for f in (np.nanmin, np.nanmax))
-        text += f"; temperature {low} to {high} °C"
-    return f"{text}."
+    name, looks = f"{device.name}.bias_temperature_{block['sensor']}", {"size": (440, 470)}
+    return [
+        Picture(name, "Bias against temperature", caption, plot, numbers, rows=(1,) * 3, **looks)
+    ]

@@ -2,8 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import matplotlib
@@ -12,15 +12,8 @@ import pyarrow as pa
 from markupsafe import Markup, escape
 from matplotlib import cycler
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import (
-    FuncFormatter,
-    LogLocator,
-    MaxNLocator,
-    NullLocator,
-    ScalarFormatter,
-)
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 from pyarrow import csv
 
 from imuloop.core.files import replaced
@@ -33,19 +26,16 @@ PALETTE = ("#0244af", "#b13311", "#048e8b", "#c369cf", "#d87d15", "#4e90ff", "#9
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, *_ = PALETTE
 # colours of the axes x, y, z in every picture
 AXES = (BLUE, VERMILLION, GREEN)
-# what the page has in the place of each colour, light or dark
+# the variable of the page for each colour, light or dark
 THEME = {INK: "currentColor", GRID: "var(--grid)", SHADE: "var(--shade)", PAGE: "var(--page)"}
 THEME |= {colour: f"var(--c{i})" for i, colour in enumerate(PALETTE)}
 STYLE = {
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],
-    # labels are other people's text
+    # labels may be of other people
     "text.parse_math": False,
-    "font.size": 11,
-    "axes.labelsize": 11,
-    "xtick.labelsize": 11,
-    "ytick.labelsize": 11,
-    "legend.fontsize": 10,
+    "font.size": 12,
+    "legend.fontsize": 12,
     "legend.frameon": False,
     "legend.borderaxespad": 0.2,
     "legend.handlelength": 1.5,
@@ -65,45 +55,45 @@ STYLE = {
     "lines.markeredgewidth": 0,
     # px
     "path.simplify_threshold": 0.4,
-    "xtick.major.size": 0,
-    "ytick.major.size": 0,
-    "xtick.minor.size": 0,
-    "ytick.minor.size": 0,
+    **dict.fromkeys(("axes.labelsize", "xtick.labelsize", "ytick.labelsize"), 12),
+    **{f"{axis}tick.{kind}.size": 0 for axis in "xy" for kind in ("major", "minor")},
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
-# what matplotlib writes of itself and of the day
+# entries by which matplotlib names itself and the day
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-# the width that a picture has beside another, px
+# the width that a picture has next to another, px
 WIDE = 500
-# powers of ten that are written out
-PLAIN = range(-2, 4)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the report, drawn when it is asked for.
+    """A picture of the report, drawn when it is needed.
 
-    Its name is unique in the report, and the drawing's ids are made from it; kind and caption, a
-    sentence made from the data, are what readers get who cannot see it. `plot` draws on the `Axes`,
-    or on the list of them, row by row, that it is given; what it labels is in the key. Size, px;
-    path of the numbers behind it, from the report's folder; relative widths and heights of the
-    areas, which share their limits.
+    Its name is unique in the report, and the drawing's ids are made from it. Readers who cannot see
+    it get kind and caption. `plot` draws on the `Axes`, or on the list of them, row by row; the key
+    has the labelled lines.
     """
 
     name: str
     kind: str
     caption: str
     plot: Callable
-    size: tuple = (440, 300)
-    csv: str = ""
-    columns: tuple = (1,)
-    rows: tuple = (1,)
+    numbers: Mapping = field(default_factory=dict)  # columns of the CSV file
+    size: tuple = (440, 300)  # px
+    columns: tuple = (1,)  # relative widths of the areas, which share their limits
+    rows: tuple = (1,)  # relative heights
+    file: str = ""  # of the CSV file, without .csv, if that is not the picture's own
 
     @property
     def stem(self):
-        """Its name among the figures of its device, and that of its file."""
+        """Its name among the figures of its device, and the name of its SVG file."""
         return self.name.partition(".")[2].replace(".", "_")
+
+    @property
+    def csv(self):
+        """The name of the CSV file."""
+        return f"{self.file or self.stem}.csv"
 
     @property
     def wide(self):
@@ -131,11 +121,9 @@ class Picture:
                 # no wider than the area, and each asks for all ticks again
                 area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
-            # areas share axes, and one that is marked is marked in all
-            in_decades = [pair for each in figure.axes for pair in _in_decades(each)]
-            for area, axis in in_decades:
-                _mark_decades(axis)
-                _grid_between(area, axis)
+                for axis in (area.xaxis, area.yaxis):
+                    if axis.get_scale() == "log" and axis.isDefault_majloc:
+                        _mark_decades(axis)
             if key:
                 figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
             figure.align_ylabels()
@@ -146,27 +134,15 @@ class Picture:
         """The drawing as the text of an SVG file, in colours that need no page."""
         file = io.StringIO()
         with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
-            drawn = self.figure()
             # `savefig` would lay it out twice
-            FigureCanvasSVG(drawn).print_svg(file, metadata=NO_METADATA)
-        text = file.getvalue()
-        for group, titles in getattr(drawn, "titles", {}).items():
-            before, start, after = text.partition(f'<g id="{group}">')
-            said = iter(titles)
-            after = re.sub(
-                "(<use [^>]*)/>",
-                lambda mark, said=said: f"{mark[1]}><title>{escape(next(said))}</title></use>",
-                after,
-                count=len(titles),
-            )
-            text = f"{before}{start}{after}"
-        return text
+            FigureCanvasSVG(self.figure()).print_svg(file, metadata=NO_METADATA)
+        return re.sub(' (?:d|x|y)="[^"]*"', _rounded, file.getvalue())
 
     @property
     def inline(self):
         """The drawing as an element of the page, in the page's colours.
 
-        Without what a page may have once only: the head of the file, its style, names of groups.
+        It is without the parts that a page may have once only: head, style, names of groups.
         """
         svg = re.sub('<style.*?</style>|(?<=<g) id="[^"]*"', "", self.svg, flags=re.DOTALL)
         alt = escape(f"{self.kind}. {self.caption}")
@@ -175,22 +151,31 @@ class Picture:
             svg = svg.replace(colour, variable)
         return Markup(svg)
 
+    def write_svg(self, folder):
+        """Write the picture, on white, into a folder; return the path."""
+        text = self.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
+        path = folder / f"{self.stem}.svg"
+        with replaced(path) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+        return path
 
-def drawn(device, stem, kind, caption, plot, numbers, **looks):
-    """Return a `Picture` of a device; the numbers behind it are written under its name."""
-    csv = write_csv(device.figures, stem.replace(".", "_"), numbers)
-    return Picture(f"{device.name}.{stem}", kind, caption, plot, csv=csv, **looks)
+    def write(self, folder):
+        """Write the picture and its numbers; None and not-a-number are empty in the CSV file."""
+        self.write_svg(folder)
+        columns = {k: pa.array(np.asarray(v), from_pandas=True) for k, v in self.numbers.items()}
+        with replaced(folder / self.csv) as temporary:
+            options = csv.WriteOptions(quoting_style="needed")
+            csv.write_csv(text_cells(pa.table(columns)), temporary, options)
+
+
+def _rounded(attribute):
+    """Return an attribute of the drawing, a match, with two decimals of a pixel."""
+    return re.sub(r"(\.\d\d)\d+", r"\1", attribute[0])
 
 
 def fill(area, x, low, high, colour, alpha=0.2):
     """Fill the area between two curves."""
     area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
-
-
-def _in_decades(area):
-    """Return the area with each of its axes that is logarithmic and has no ticks of its own."""
-    axes = (area.xaxis, area.yaxis)
-    return [(area, a) for a in axes if a.get_scale() == "log" and a.isDefault_majloc]
 
 
 def _mark_decades(axis):
@@ -205,49 +190,9 @@ def _mark_decades(axis):
         axis.set_major_formatter(FuncFormatter(_decade))
 
 
-def _grid_between(area, axis):
-    """Draw the lines between powers of ten at once: their own ticks take most of the time."""
-    low, high = axis.get_view_interval()
-    if high < 4 * low:
-        return
-    at = LogLocator(subs=range(2, 10)).tick_values(low, high)
-    at, ends = at[(at > low) & (at < high)], np.array([0.0, 1.0])
-    along = axis is area.xaxis
-    lines = [np.column_stack([np.full(2, v), ends][:: 1 if along else -1]) for v in at]
-    transform = area.get_xaxis_transform() if along else area.get_yaxis_transform()
-    grid = LineCollection(lines, colors=GRID, linewidths=0.3, transform=transform, zorder=0.5)
-    grid.set_in_layout(False)
-    area.add_collection(grid, autolim=False)
-
-
 def _decade(value, _):
+    """Return the text of a tick: 0.01 … 1000 in full, others as powers of ten."""
     digits, _, exponent = f"{value:.0e}".partition("e")
-    exponent = int(exponent)
-    if exponent in PLAIN:
+    if -2 <= int(exponent) < 4:
         return f"{value:g}"
-    return f"{digits}·" * (digits != "1") + f"10{superscript(exponent)}"
-
-
-def entitle(area, marks, titles):
-    """Have each mark of a line say what it is when it is pointed at."""
-    titled = area.figure.__dict__.setdefault("titles", {})
-    marks.set_gid(f"titles{len(titled)}")
-    titled[marks.get_gid()] = list(titles)
-
-
-def write_svg(folder, name, picture):
-    """Write a picture as its own file, on white."""
-    text = picture.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
-    with replaced(folder / f"{name}.svg") as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-
-
-def write_csv(folder, name, columns):
-    """Write the numbers behind a picture; return the file's name.
-
-    Of columns, a dict or a DataFrame, what is None or not a number stays empty.
-    """
-    table = pa.table({k: pa.array(np.asarray(v), from_pandas=True) for k, v in columns.items()})
-    with replaced(folder / f"{name}.csv") as temporary:
-        csv.write_csv(text_cells(table), temporary, csv.WriteOptions(quoting_style="needed"))
-    return f"{name}.csv"
+    return f"{digits}·" * (digits != "1") + f"10{superscript(int(exponent))}"

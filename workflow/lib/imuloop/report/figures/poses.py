@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from imuloop.core.errors import joined, plural
 from imuloop.core.samples import ACCELERATION
 from imuloop.plan.directions import direction_words, largest_hole
-from imuloop.report.figures.drawing import BLUE, GRID, ORANGE, VERMILLION, drawn, entitle
-from imuloop.report.numbers import number
+from imuloop.report.figures.drawing import BLUE, GRID, ORANGE, VERMILLION, Picture
+from imuloop.report.page import phrase
 from imuloop.report.results import XYZ
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
@@ -20,7 +19,7 @@ NEAR = 0.94
 
 
 def pose_directions(device):
-    """Return the direction of each pose that feels any, shape (n, 3), by kind of session."""
+    """Return the upward direction of each pose with a force, shape (n, 3), by kind of session."""
     found = {}
     for session in device.used:
         if session.kind in MARKS:
@@ -47,10 +46,7 @@ def draw_poses(area, directions, sign, hole):
         area.plot(ring * circle.real, ring * circle.imag, color=GRID, lw=0.8)
     for kind, u in directions.items():
         mark, colour = MARKS[kind]
-        u = u[u[:, 2] * sign >= 0]
-        (marks,) = area.plot(*_project(u, sign), mark, color=colour, ms=6)
-        said = [", ".join(f"{a} {c:.2f}" for a, c in zip(XYZ, v, strict=True)) for v in u]
-        entitle(area, marks, [f"{kind}, “up” {text}".replace("-", "−") for text in said])
+        area.plot(*_project(u[u[:, 2] * sign >= 0], sign), mark, color=colour, ms=6)
     if hole[2] * sign >= 0:
         x, y = _project(hole[None], sign)
         area.plot(x + 0.12 * circle.real, y + 0.12 * circle.imag, color=VERMILLION, lw=2.5)
@@ -60,11 +56,11 @@ def draw_poses(area, directions, sign, hole):
     area.text(0, -1.4, f"seen from {'+' if sign > 0 else '−'}z", ha="center", va="center")
 
 
-def pose_picture(device):
-    """Return the picture of the attitudes covered, or None where there is no pose."""
+def pose_pictures(device):
+    """Return the picture of the attitudes covered, in a list that is empty without poses."""
     directions = pose_directions(device)
     if not directions:
-        return None
+        return []
     everything = np.concatenate(list(directions.values()))
     hole, angle = largest_hole(everything)
 
@@ -72,17 +68,18 @@ def pose_picture(device):
         for area, sign in zip(areas, (1, -1), strict=True):
             draw_poses(area, directions, sign, hole)
 
-    counts = " and ".join(plural(len(u), f"{kind} pose") for kind, u in directions.items())
-    missing = [words for words, u in FACES.items() if (everything @ u).max() < NEAR]
-    faces = f"no pose within 20° of {joined(missing)}" if missing else "all six faces are covered"
-    caption = (
-        f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
-        f"{number(np.degrees(angle), 2)}° from the nearest pose."
+    caption = phrase(
+        "attitudes",
+        counts={kind: len(u) for kind, u in directions.items()},
+        missing=[words for words, u in FACES.items() if (everything @ u).max() < NEAR],
+        hole=direction_words(hole),
+        degrees=np.degrees(angle),
     )
-    columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
-    columns["kind"] = [kind for kind, u in directions.items() for _ in u]
+    numbers = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
+    numbers["kind"] = [kind for kind, u in directions.items() for _ in u]
     looks = {"size": (440, 240), "columns": (1, 1)}
-    return drawn(device, "poses", "Attitudes covered", caption, plot, columns, **looks)
+    name = f"{device.name}.poses"
+    return [Picture(name, "Attitudes covered", caption, plot, numbers, **looks)]
 
 
 def _project(u, sign):

@@ -3,41 +3,30 @@
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
-from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, drawn, entitle
+from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, Picture
 from imuloop.report.figures.time_series import clock
-from imuloop.report.numbers import number
+from imuloop.report.page import WORDS, phrase
 from imuloop.report.results import XYZ
-from imuloop.report.units import DEGREE_PER_SECOND, DEGREES, RESIDUAL
-from imuloop.report.verdict import RESIDUAL_WORDS, change
+from imuloop.report.units import DEGREE_PER_SECOND, DEGREES, data_sheet
 
-SHORT_WORDS = {
-    "gravity_norm": "magnitude error",
-    "pose_rate": "angular rate",
-    "rotation": "direction error",
-    "velocity_vertical": "vertical",
-    "velocity_horizontal": "horizontal",
-    "reference_rotation": "rotation over 1 s",
-    "reference_force": "specific force",
-}
-# residuals of a move, and of a window beside a reference
+# residuals of a move, and of a window with a reference
 OF_MOVES = ("rotation", "velocity_vertical", "velocity_horizontal")
 OF_WINDOWS = ("reference_rotation", "reference_force")
 # cosine of the angle within which a turn is about one axis, 30 degrees
 ABOUT = 0.87
-MIXED = "mixed"
-TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
+TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), "mixed"]
 
 
-def residual_pictures(device, sensor, block):
-    """Return a picture for each kind of residual of a sensor's poses."""
-    found = []
-    for name in block["residuals"]:
+def residual_pictures(device, block):
+    """Return a picture for each kind of residual of poses, moves or windows with a reference."""
+    pictures = []
+    for name in block["residuals"] if block["part"] != "static_record" else ():
         table = device.moves if name in OF_MOVES else device.poses
         table = device.reference if name in OF_WINDOWS else table
         # poses on six faces are not diagnosed
         table = table[np.isfinite(table[f"{name}_after"])]
-        found.append(_picture(device, sensor, name, table, block))
-    return found
+        pictures.append(_picture(device, name, table, block))
+    return pictures
 
 
 def elapsed(table):
@@ -48,47 +37,41 @@ def elapsed(table):
 
 
 def against(name, table):
-    """Return what the residuals of one kind, of poses or moves of a table, are shown against.
+    """Return the quantities that residuals of one kind are shown against.
 
-    By the name of a column of the CSV file: words with unit, and values in it.
+    They are words with a unit, and values, by the name of a column of the CSV file.
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
     found = {f"time_{unit}": (f"time, {unit}", time / size)}
     if name in OF_MOVES:
-        axes = table[["axis_x", "axis_y", "axis_z"]].to_numpy()
-        speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
         if name != "rotation":
             knock = table["knock_m_s"].to_numpy() * 1e3
             found["knock_mm_s"] = "knock between two samples, mm/s", knock
-        return found | {
-            "angle_deg": ("angle turned, °", table["angle_rad"].to_numpy() * DEGREES.factor),
-            "speed_deg_s": ("greatest speed, °/s", speed),
-            "axis": ("about axis", np.array([TURN_AXES.index(turn_axis(u)) for u in axes])),
-        }
-    if name in OF_WINDOWS:
-        return found
-    force = table[list(ACCELERATION)].to_numpy()
-    for axis, values in zip(XYZ, (force / np.linalg.norm(force, axis=1)[:, None]).T, strict=True):
-        found[f"up_{axis}"] = f"{axis} of “up”, 1", values
-    if np.isfinite(table[TEMPERATURE]).any():
-        found["temperature_degC"] = "temperature, °C", table[TEMPERATURE].to_numpy()
+        angle = table["angle_rad"].to_numpy() * DEGREES.factor
+        speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
+        axes = table[["axis_x", "axis_y", "axis_z"]].to_numpy()
+        found["angle_deg"] = "angle turned, °", angle
+        found["speed_deg_s"] = "greatest speed, °/s", speed
+        found["axis"] = "about axis", np.array([turn_axis(u) for u in axes])
+    elif name not in OF_WINDOWS:
+        force = table[list(ACCELERATION)].to_numpy()
+        up = (force / np.linalg.norm(force, axis=1)[:, None]).T
+        found |= {f"up_{a}": (f"{a} of “up”, 1", v) for a, v in zip(XYZ, up, strict=True)}
+        if np.isfinite(table[TEMPERATURE]).any():
+            found["temperature_degC"] = "temperature, °C", table[TEMPERATURE].to_numpy()
     return found
 
 
 def turn_axis(direction):
-    """Return the axis of a turn, as ``+z``, or `MIXED`."""
+    """Return the index among `TURN_AXES` of the axis of a turn."""
     axis = int(np.abs(direction).argmax())
-    if abs(direction[axis]) < ABOUT:
-        return MIXED
-    return f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}"
+    mixed = abs(direction[axis]) < ABOUT
+    return len(TURN_AXES) - 1 if mixed else 2 * axis + (direction[axis] <= 0)
 
 
 def draw_residuals(area, x, before, after, floor):
-    """Draw the residual of each pose or turn over `x`; without `before` the model did not change.
-
-    Returns the marks of what is left.
-    """
+    """Draw the residual of each pose or turn over `x`; `before` is None if the model stayed."""
     order = np.argsort(x, kind="stable")
     signed = min(np.min(e) for e in (before, after) if e is not None) < 0
     for sign in (1, -1) if signed else (1,):
@@ -97,57 +80,45 @@ def draw_residuals(area, x, before, after, floor):
     if before is not None:
         area.plot(x, before, "o", color=ORANGE, mfc=PAGE, mew=1.2, ms=4, label="before")
     words = "residual" if before is None else "after"
-    (marks,) = area.plot(x, after, "o", color=BLUE, ms=4.5, label=words)
+    area.plot(x, after, "o", color=BLUE, ms=4.5, label=words)
     if not signed:
         area.set_ylim(0)
-    return marks
 
 
-def _picture(device, sensor, name, table, block):
+def _picture(device, name, table, block):
     residual, changed = block["residuals"][name], bool(block["effects"])
-    display = RESIDUAL[residual["unit"]]
+    display, (words, short, _) = data_sheet(residual["unit"]), WORDS["residuals"][name]
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
     before, after, floor = (values * display.factor for values in errors.values())
     panels, (time, sessions) = against(name, table), elapsed(table)
-    columns = {column: table[column] for column in ("session", "pose", "start_s")} | errors
+    numbers = {column: table[column] for column in ("session", "pose", "start_s")} | errors
     for key, (_, x) in panels.items():
-        columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
-    several, words = len(sessions) > 1, RESIDUAL_WORDS[name]
-    thing = "turn" if name in OF_MOVES else "window" if name in OF_WINDOWS else "pose"
-    things = [
-        f"{thing} {i}" + f" of {session}" * several
-        for session, i in zip(table["session"], table["pose"], strict=True)
-    ]
-    said = [
-        f"{one}: {f'{number(b)} → ' if changed else ''}{number(a)} {display.unit}"
-        for one, b, a in zip(things, before, after, strict=True)
-    ]
+        numbers[key] = [TURN_AXES[i] for i in x] if key == "axis" else x
 
     def plot(areas):
         areas = np.atleast_1d(areas)
         for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
             # over time the floor of each; elsewhere it would jump from mark to mark
-            first = area is areas[0]
-            level = floor if first else np.full(len(x), np.median(floor))
-            marks = draw_residuals(area, x, before if changed else None, after, level)
-            if first:
-                entitle(area, marks, said)
+            level = floor if area is areas[0] else np.full(len(x), np.median(floor))
+            draw_residuals(area, x, before if changed else None, after, level)
             area.set_xlabel(label)
             if key == "axis":
                 area.set_xlim(-0.6, len(TURN_AXES) - 0.4)
                 area.set_xticks(range(len(TURN_AXES)), [*TURN_AXES[:-1], "mix"])
-        for session, start in sessions.items() if several else ():
-            at = start / clock(time.max())[1]
+        for session, start in sessions.items() if len(sessions) > 1 else ():
+            at, where = start / clock(time.max())[1], areas[0].get_xaxis_transform()
             areas[0].axvline(at, color=INK, lw=0.8)
-            where = areas[0].get_xaxis_transform()
             areas[0].text(at, 0.98, f" {session}", rotation=90, va="top", transform=where)
-        areas[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
+        areas[0].set_ylabel(f"{short}, {display.unit}")
 
     worst = np.abs(after).argmax()
-    caption = (
-        f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
-        f"{display.text(abs(errors['after'][worst]))}, {things[worst]}."
+    thing = "turn" if name in OF_MOVES else "window" if name in OF_WINDOWS else "pose"
+    place = f"{thing} {table['pose'].iloc[worst]}"
+    place += f" of {table['session'].iloc[worst]}" if len(sessions) > 1 else ""
+    largest = display.text(abs(errors["after"][worst]))
+    caption = phrase(
+        "residual", words=words, r=residual, changed=changed, largest=largest, place=place
     )
     widths = (2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:]))
-    kind, looks = f"Residuals of the {sensor}", {"size": (1000, 270), "columns": widths}
-    return drawn(device, f"{sensor}_{name}", kind, caption, plot, columns, **looks)
+    kind, looks = f"Residuals of the {block['sensor']}", {"size": (1000, 270), "columns": widths}
+    return Picture(f"{device.name}.{block['sensor']}_{name}", kind, caption, plot, numbers, **looks)

@@ -1,4 +1,4 @@
-"""A session over time: every channel, with what was found to be rest, motion or disturbance."""
+"""A session over time: every channel, with its rests, motion and disturbances."""
 
 from itertools import pairwise
 
@@ -8,25 +8,26 @@ import pandas as pd
 from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, STATIC
-from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
-from imuloop.report.numbers import NO_NUMBER, duration
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, Picture
+from imuloop.report.numbers import NO_NUMBER
+from imuloop.report.page import phrase
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
-# stretches of equal length that a line is cut into; each gives two points
+# parts of equal length that a line is cut into; each gives two points
 BUCKETS = 600
 # means that a record at rest is shown by
 MEANS = 120
-# what moves is shown as it is, what rests as milli-g or degrees per second about its median
+# motion is shown as it is, a rest about its median
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
-# a clock axis in hours where seconds would be long numbers
+# a clock axis in hours where seconds would be long numbers: unit, its size, least end
 _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
 
 def extremes(x, buckets=BUCKETS):
-    """Return the indices of the least and the greatest value of each stretch of a series.
+    """Return the indices of the least and the greatest value of each part of a series.
 
     A line through these points looks like a line through all of them: no peak is lost.
     """
@@ -62,11 +63,10 @@ def shade(area, segments, size=1.0):
     # a disturbance has an outline, so that a short one still shows in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
     for kind, (colour, alpha, width) in looks.items():
-        found = segments[segments["kind"] == kind]
-        spans = np.column_stack([found["start_s"], found["end_s"] - found["start_s"]]) / size
-        on_top = area.get_xaxis_transform()
+        rows = segments[segments["kind"] == kind]
+        spans = np.column_stack([rows["start_s"], rows["end_s"] - rows["start_s"]]) / size
         style = {"color": colour, "alpha": alpha, "lw": width}
-        area.broken_barh(spans, (0, 1), transform=on_top, **style)
+        area.broken_barh(spans, (0, 1), transform=area.get_xaxis_transform(), **style)
 
 
 def session_pictures(device, session):
@@ -81,23 +81,28 @@ def _picture(device, session, sensor, t):
     gaps = segments["start_s"][segments["kind"] == GAP]
     still = segments[segments["kind"] == STATIC]
     rests = np.searchsorted(t, still[["start_s", "end_s"]].to_numpy()).tolist()
-    raw, means, middle, quiet = {}, {}, {}, {}
+    lines, middle, quiet = {"raw": {}}, {}, {}
     for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
         x = session.samples[channel]
         chosen = extremes(x)
         # a line is not drawn across a gap
         where = np.searchsorted(t[chosen], gaps, side="right")
-        raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
+        curve = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
+        lines["raw"][axis] = curve
         if resting:
-            means[axis] = means_at_rest(t, x, rests)
+            lines.setdefault("means", {})[axis] = means_at_rest(t, x, rests)
             # a knock must not flatten the rest: it is cut off at the frame
             ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
             low, high = min(ends, default=x.min()), max(ends, default=x.max())
             quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
         # last, as it puts x in another order instead of a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
-    lines = {"raw": raw, "means": means}
     unit, size = clock(t[-1])
+
+    def line(area, axis, name, **looks):
+        """Draw a line of an axis about its median."""
+        x, y = lines[name][axis]
+        area.plot(x / size, (np.asarray(y) - middle[axis]) * display.factor, **looks)
 
     def plot(areas):
         areas = areas if resting else [areas] * 3
@@ -107,32 +112,20 @@ def _picture(device, session, sensor, t):
         areas[-1].set_xlabel(f"time, {unit}")
         areas[0].set_ylabel(f"{QUANTITY[sensor]}, {display.unit}")
         for area, colour, axis in zip(areas, AXES, XYZ, strict=True):
-
-            def line(x, y, level=middle[axis], area=area, **looks):
-                area.plot(x / size, (np.asarray(y) - level) * display.factor, **looks)
-
             words = "as logged" if resting else axis
-            line(*raw[axis], color=colour, lw=0.9, label=words)
+            line(area, axis, "raw", color=colour, lw=0.9, label=words)
             if resting:
                 low, high = ((end - middle[axis]) * display.factor for end in quiet[axis])
                 area.set_ylim(*((low, high) if low < high else (low - 1, high + 1)))
-                line(*means[axis], color=INK, lw=1.6, label="means")
+                line(area, axis, "means", color=INK, lw=1.6, label="means")
                 area.set_ylabel(f"{axis}, {display.unit}")
 
-    caption = _finding(session, sensor)
-    if resting:
-        moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
-        moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
-        levels = ", ".join(display.size(m, 4) for m in middle.values())
-        caption += (
-            f" Its means move by {moves} {display.unit} (x, y, z); shown about the medians "
-            f"{levels} {display.unit}."
-        )
-    looks = {"size": (900, 250)}
-    if resting:
-        looks = {"size": (900, 310), "rows": (1, 1, 1)}
-    stem, kind = f"{session.name}.{sensor}", "Samples over time"
-    return drawn(device, stem, kind, caption, plot, _numbers(sensor, lines), **looks)
+    looks = {"size": (900, 310), "rows": (1, 1, 1)} if resting else {"size": (900, 250)}
+    name = f"{device.name}.{session.name}.{sensor}"
+    caption = _caption(session, sensor) + (
+        _wander(lines["means"], middle, display) if resting else ""
+    )
+    return Picture(name, "Samples over time", caption, plot, _numbers(sensor, lines), **looks)
 
 
 def _numbers(sensor, lines):
@@ -145,14 +138,23 @@ def _numbers(sensor, lines):
     return pd.concat(parts).dropna()
 
 
-def _finding(session, sensor):
-    """Return how much of a session is rest, and what was cut."""
-    kinds = session.segments["kind"]
-    text = f"{session.name}, {sensor}: {duration(session.seconds(STATIC))} at rest"
-    if session.kind != "static":
-        text += f" in {plural(session.poses, 'pose')}"
-    for kind, words in ((DISTURBED, "disturbed stretch"), (GAP, "gap")):
+def _caption(session, sensor):
+    """Return the caption: length of all rests, and of the parts that were cut out."""
+    kinds, cut = session.segments["kind"], []
+    for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
-            many = "es" if kind == DISTURBED else "s"
-            text += f"; {plural(count, words, many)}, {duration(session.seconds(kind))} in all"
-    return f"{text}."
+            cut.append((plural(count, words, ending), session.seconds(kind)))
+    poses = None if session.kind == "static" else session.poses
+    numbers = {"rest": session.seconds(STATIC), "poses": poses, "cut": cut}
+    return phrase("series", session=session.name, sensor=sensor, **numbers)
+
+
+def _wander(means, middle, display):
+    """Return by how much the means of a record at rest move, and its medians."""
+    moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
+    moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
+    levels = ", ".join(display.size(m, 4) for m in middle.values())
+    return (
+        f" Its means move by {moves} {display.unit} (x, y, z); shown about the medians "
+        f"{levels} {display.unit}."
+    )

@@ -1,0 +1,212 @@
+"""The comparison of devices: summary.json of each, the tables of the first screen, the CSV file."""
+
+from dataclasses import asdict
+from typing import NamedTuple
+
+import pandas as pd
+
+from imuloop.core.errors import one_line
+from imuloop.core.samples import SENSORS
+from imuloop.core.tables import text_cell
+from imuloop.export.densities import for_filter, of_calibrated
+from imuloop.report.figures.allan import curve, longest_curve_first
+from imuloop.report.figures.loop import loop_errors
+from imuloop.report.findings import BOTH, answers, blocks, card, rank
+from imuloop.report.long_table import PAIRS, SI, Value, long_table, select, worst
+from imuloop.report.numbers import NO_NUMBER, missing
+from imuloop.report.page import RECORDS, WORDS
+from imuloop.report.results import XYZ, of_axes
+from imuloop.report.units import DEGREES, MILLI_G, QUANTITIES, data_sheet
+
+# version of summary.json
+FORMAT = 2
+# stages of the long table that are compared
+COMPARED = ("final", "logged", "after", "floor")
+
+
+def summarise(device):
+    """Return the content of summary.json, a device's part of the comparison.
+
+    ``values``, rows of the long table; ``filter`` {name: {value, axis, limit, raised_from}}, noise
+    as a filter takes it; ``allan`` {channel: {tau_s, adev}}; ``answers``, ``card``, ``loop``, see
+    `findings`; ``verdicts`` by sensor and kind of data; ``calibrated``, whether there is a
+    calibration to use.
+    """
+    found, final = blocks(device.diagnosis), device.calibrations.get("final")
+    loop = loop_errors(device, found) if device.calibrations else []
+    record = next(iter(longest_curve_first(device.used)), None)
+    rejected = [s for s in device.sessions if s.rejected]
+    values = [v for v in long_table(device) if v.unit and v.stage in COMPARED]
+    return {
+        "format": FORMAT,
+        "device": device.name,
+        "label": device.title,
+        "simulated": device.simulated,
+        "status": "ok" if device.used else "rejected",
+        "rejected": [{"session": s.name, "kind": s.kind, "reasons": s.reasons} for s in rejected],
+        "verdicts": {
+            name: {b["part"]: b["verdict"] for b in found if b["sensor"] in (name, BOTH)}
+            for name in SENSORS
+        },
+        "answers": answers(found),
+        "card": card(found, loop, final),
+        "calibrated": bool(final and final.measured),
+        "loop": loop,
+        "values": list(map(asdict, values)),
+        "filter": filter_noise(device, final),
+        "allan": {c: curve(record.allan, c)[["tau_s", "adev"]].to_dict("list") for c in device.axes}
+        if record
+        else {},
+        "allan_csv": record and f"{device.name}/figures/{record.name}_allan.csv",
+        "logs": [
+            {"session": s.name, "file": file, "sha256": digest}
+            for s in device.sessions
+            for file, digest in s.source["sha256"].items()
+        ],
+    }
+
+
+def filter_noise(device, final):
+    """Return white noise and random walk as a filter takes them, SI, and the rate of the logs.
+
+    There is one number per sensor, for the worst axis of calibrated samples: the 95 % upper limit
+    of a term that was not seen, raised if N and K would not bound the Allan curve.
+    """
+    rates = [s.quality["rate_hz"] for s in device.used]
+    content = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
+    for sensor in SENSORS:
+        axes = [(a, n) for a, n in of_axes(device.axes, sensor) if None not in (n.N.size, n.K.size)]
+        for term in "NK" if axes else "":
+            densities = [for_filter(noise, axis, term) for axis, noise in axes]
+            if final:
+                densities = of_calibrated(getattr(final, sensor), densities)
+            content[f"{sensor}_{term}"] = asdict(max(densities, key=lambda d: d.value))
+    return content
+
+
+class Cell(NamedTuple):
+    """A cell of the comparison: its text, small text below, and the number it is sorted by."""
+
+    text: str
+    below: str = ""
+    value: float | None = None
+
+
+def columns(sensor):
+    """Return quantity and unit of each column of a sensor's comparison."""
+    residual = MILLI_G if sensor == "accelerometer" else DEGREES
+    units = QUANTITIES[sensor] | {"quoted": residual}
+    return {quantity: units[quantity] for quantity in WORDS["compared"]}
+
+
+def pivot(summary, sensor):
+    """Return the worst axis of each quantity of a sensor: rows of `Value`, see `worst`.
+
+    By quantity: the row with the largest value, the row with a limit above it, the noise as
+    logged, and the floor of a residual; None where absent.
+    """
+    rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
+    found = {}
+    for quantity in ("residual", *columns(sensor)):
+        kept = select(rows, quantity=quantity)
+        logged, floor = (worst(select(kept, stage=s))[0] for s in ("logged", "floor"))
+        final = select(kept, stage="after") or select(kept, stage="final")
+        found[quantity] = (*worst(final or select(kept, stage="logged")), logged, floor)
+    return found
+
+
+def cells(summary, sensor):
+    """Return the cells of a device in a sensor's comparison."""
+    worst_axes = pivot(summary, sensor)
+    return [_cell(*worst_axes[quantity], unit) for quantity, unit in columns(sensor).items()]
+
+
+def _cell(largest, limit, logged, floor, display):
+    """Return the cell of a quantity, given its rows as in `pivot` and the unit of the column."""
+    worst_row, unit, below = largest or limit, "", []
+    if not worst_row:
+        return Cell(NO_NUMBER)
+    if floor:
+        column, display = display, data_sheet(floor.unit)
+        # a residual may be of another kind than the column
+        unit = f"\u202f{display.unit}" if column != display else ""
+        below.append(f"floor {display.size(floor.value, 2)}")
+    if worst_row.axis:
+        below.append(f"axis {worst_row.axis}" + ("" if largest else ", 95 % limit"))
+    if largest and limit:
+        below.append(f"{limit.axis} {limit.text(display)}")
+    if logged and logged.value != worst_row.value:
+        below.append(f"as logged {display.size(logged.value, 2)}")
+    size = abs(largest.value) if largest else limit.upper95
+    return Cell(worst_row.text(display) + unit, "; ".join(below), size)
+
+
+def verdict_rank(verdicts):
+    """Return the number that the column of verdicts is sorted by: poses, then other data."""
+    order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
+    return sum(10**k * each for k, each in enumerate(reversed(order)))
+
+
+def filter_cells(summary):
+    """Return a device's rate and its noise as a filter takes it, SI, in digits for programs.
+
+    White noise and random walk of the accelerometer come before the gyroscope's.
+    """
+    content = summary["filter"]
+    rate = content["rate_hz"]
+    row = [Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)]
+    for density in (content.get(f"{sensor}_{term}") for sensor in SENSORS for term in "NK"):
+        if not density:
+            row.append(Cell(NO_NUMBER))
+            continue
+        axis, raised = density["axis"], density["raised_from"]
+        words = f"{axis}, not seen: 95 % limit" if density["limit"] else f"axis {axis}"
+        words += "" if raised is None else f", raised from {raised:.2e}"
+        row.append(Cell(f"{density['value']:.2e}", words, value=density["value"]))
+    return row
+
+
+def write_comparison(path, summaries, failures=()):
+    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers.
+
+    Before them is a row for each Failure of a device, with its reason.
+    """
+    rows = [
+        {
+            "device": text_cell(one_line(f.device)),
+            "label": text_cell(one_line(f.label)),
+            "status": "failed",
+            "why": text_cell(one_line(f"{f.stage} failed: {f.why}")),
+        }
+        for f in failures
+        if f.device
+    ]
+    table = pd.DataFrame([*rows, *map(_row, summaries)])
+    table.to_csv(path, index=False, lineterminator="\n")
+
+
+def _row(summary):
+    """Return a row of comparison.csv by its headers, the same for every device."""
+    why = [f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]]
+    texts = {key: summary[key] for key in ("device", "label", "status")} | {"why": "; ".join(why)}
+    row = {key: text_cell(one_line(text)) for key, text in texts.items()}
+    row["simulated"] = str(summary["simulated"]).lower()
+    for sensor, units in SI.items():
+        for part in RECORDS:
+            verdict = summary["verdicts"][sensor].get(part, "not_testable")
+            row[f"{sensor}_{part}_verdict"] = verdict
+        worst_axes = pivot(summary, sensor)
+        for name, unit in units.items():
+            largest, limit, *_ = worst_axes[name]
+            row[f"{sensor}_{name} [{unit}]"] = largest and largest.value
+            row[f"{sensor}_{name}_std [{unit}]"] = largest and largest.std
+            if name in "NBK":
+                row[f"{sensor}_{name}_upper95 [{unit}]"] = limit and limit.upper95
+        final = [Value(**value) for value in summary["values"]]
+        for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS.values())):
+            for axis in axes:
+                keys = {"sensor": sensor, "stage": "final", "quantity": name, "axis": axis}
+                found = next(iter(select(final, **keys)), None)
+                row[f"{sensor}_{name}_{axis} [{units[name]}]"] = found and found.value
+                row[f"{sensor}_{name}_{axis}_std [{units[name]}]"] = found and found.std
+    return row

@@ -1,0 +1,248 @@
+"""Findings: the numbers that the sentences of ``phrases.j2`` are made of."""
+
+import numpy as np
+from scipy.special import chdtr
+
+from imuloop.core.errors import joined
+from imuloop.core.samples import SENSORS
+from imuloop.estimate.verdict import TESTED
+from imuloop.model.prior_remarks import remarks
+from imuloop.report.numbers import missing
+from imuloop.report.page import RECORDS, effect_words, phrase, sentence
+from imuloop.report.units import data_sheet
+
+# verdicts from the best news to no news
+VERDICTS = (*TESTED, "not_testable")
+# verdicts on a residual above its floor
+ABOVE = ("partly_explained", "unexplained")
+# name for both sensors, in motion: they have the velocity in common
+BOTH = "sensors"
+# a reduced χ² below this, if it is less likely than that by chance, means that the noise of the
+# record is wrong; upper limits of slow noise lower it to a half only
+FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
+# an error that falls by this factor is news
+WORTH_SAYING = 1.1
+# an effect that leaves less than this share of the held-out error is mentioned though rejected
+WORTH_A_WORD = 0.75
+# in place of a record that was not diagnosed
+UNTESTED = {
+    "verdict": "not_testable",
+    "why": "no recording of this kind",
+    **dict.fromkeys(("effects", "candidates", "confounded"), ()),
+    "residuals": {},
+}
+# where rotations that contradict all others are listed
+ROTATIONS = ("gyroscope", "poses")
+# residuals that a user notices first
+QUOTED = {
+    "accelerometer": ("gravity_norm",),
+    "gyroscope": ("rotation", "pose_rate"),
+    BOTH: ("velocity_vertical",),
+}
+
+
+def block_of(diagnosis, sensor, part):
+    """Return the diagnosis of a sensor in one kind of data, with its findings.
+
+    ``sensor`` and ``part``; ``words``, the effects in words; ``quoted`` and ``left``, the names of
+    the residuals that fell most and that are farthest above their floors; ``lacking``, name and χ²
+    of the residual that exceeds its noise most; ``too_quiet``, the same of one far below its noise,
+    with its p-value; ``undersampled``; ``tried``, see `_tried`; ``elsewhere``, effects that other
+    data showed.
+    """
+    if sensor == BOTH:
+        block = _of_both(*(block_of(diagnosis, each, part) for each in SENSORS))
+    else:
+        block = diagnosis.get("sensors", {}).get(sensor, {}).get(part) or UNTESTED
+    block = block | {"sensor": sensor, "part": part}
+    residuals, names = block["residuals"], {effect["name"] for effect in block["effects"]}
+    block["words"] = [effect_words(effect) for effect in block["effects"]]
+    above = block["verdict"] in ABOVE
+    block["left"] = _largest(block, {n: r["after"] * above for n, r in residuals.items()})
+    falls = {name: r["before"] - r["after"] for name, r in residuals.items()}
+    block["quoted"] = _largest(block, falls) if block["effects"] else block["left"]
+    large = [(r["chi2_after"], name) for name, r in residuals.items() if (r["chi2_after"] or 0) > 1]
+    block["lacking"] = max(large, default=None)
+    block["too_quiet"] = too_quiet(block)
+    block["undersampled"] = residuals.get("rotation", {}).get("undersampled")
+    block["tried"] = _tried(block) if block["verdict"] == "unexplained" else None
+    block["elsewhere"] = [
+        c for c in block["candidates"] if c["status"] == "added" and c["name"] not in names
+    ]
+    return block
+
+
+def blocks(diagnosis):
+    """Return the diagnosis of every sensor and kind of data, each with its findings."""
+    sensors = diagnosis.get("sensors", {})
+    places = [(sensor, part) for sensor in SENSORS for part in ("poses", "static_record")]
+    places.append((BOTH, "motion"))
+    places += [(s, "reference") for s in SENSORS if "reference" in sensors.get(s, {})]
+    return [block_of(diagnosis, *place) for place in places]
+
+
+def tested(found):
+    """Return the diagnoses that have a verdict."""
+    return [block for block in found if block["verdict"] != "not_testable"]
+
+
+def _of_both(force, turn):
+    """Return the diagnosis of both sensors in motion, which have the residuals in common."""
+    effects, candidates = ([*force[key], *turn[key]] for key in ("effects", "candidates"))
+    # a candidate of one sensor is in the list of the other, as not available
+    by_name = {c["name"]: c for c in reversed(candidates)}
+    return force | {"effects": effects, "candidates": list(reversed(by_name.values()))}
+
+
+def residual_names(block):
+    """Return the names of the residuals of a record, those that a user notices first come first."""
+    first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
+    return list(dict.fromkeys([*first, *block["residuals"]]))
+
+
+def _largest(block, sizes):
+    """Return the name of the residual whose size is the most multiples of its floor, or None."""
+    floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
+    multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
+    return max(multiples, key=multiples.get, default=None)
+
+
+def too_quiet(block):
+    """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
+    for name, r in block["residuals"].items():
+        chi2 = r["chi2_before"]
+        if chi2 is not None and chi2 < FAR_BELOW:
+            dof = max(r["n"] - MOST_PARAMETERS, 1)
+            p = float(chdtr(dof, dof * chi2))
+            if p < UNLIKELY:
+                return name, chi2, p
+    return None
+
+
+def _tried(block):
+    """Return whether any effect was rejected, and the one that helps most: ``any``, ``best``.
+
+    ``best`` is None unless it leaves less than `WORTH_A_WORD` of the held-out error.
+    """
+    rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
+    best, share = None, WORTH_A_WORD
+    for candidate in rejected:
+        before = block["residuals"].get(candidate.get("residual"), {}).get("before")
+        after = candidate["heldout_after"]
+        if before and not missing(after) and after / before <= share:
+            best, share = candidate, after / before
+    return {"any": bool(rejected), "best": best}
+
+
+def rank(verdict):
+    """Return the place of a verdict from the best news to none."""
+    return VERDICTS.index(verdict)
+
+
+def answers(found):
+    """Return a line for each sensor and kind of data that matters: place, verdict, words.
+
+    A sensor at poses comes first, or at rest if poses were not tested; other data follow where an
+    effect was found or something is missing.
+    """
+    said = []
+    for sensor in SENSORS:
+        poses, static = (b for b in found if b["sensor"] == sensor and b["part"] != "reference")
+        said.append(poses if poses in tested(found) or static not in tested(found) else static)
+    news = [b for b in tested(found) if b["verdict"] != "consistent"]
+    said += [b for b in news if b not in said]
+    alone = [b for b in said[: len(SENSORS)] if b["part"] == "static_record"]
+    return [
+        (phrase("place", b=b), b["verdict"], phrase("answer", b=b, alone=b in alone)) for b in said
+    ]
+
+
+def grouped(summaries):
+    """Return the answers of the devices, the worst news first, each with the devices it is for."""
+    groups = {}
+    for s in summaries:
+        groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
+
+    def order(group):
+        said, devices = group
+        return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(devices)]
+
+    return sorted(groups.items(), key=order)
+
+
+def card(found, loop, calibration=None):
+    """Return the first words on a device, in the same order for every device.
+
+    ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``, pairs of a
+    verdict and the error that is left; ``untested``. `loop` are the errors of `loop_errors`,
+    `calibration` is the final one.
+    """
+    places, effects = {}, {}
+    for block in found:
+        # a record of both sensors has the effects of each
+        for effect in block["effects"] if block["sensor"] != BOTH else ():
+            place = places.setdefault(effect_words(effect), [])
+            place += {phrase("sensor", b=block)} - {*place}
+    for effect, place in places.items():
+        effects.setdefault(joined(place), []).append(effect)
+    known = tested(found)
+    above = [b for b in known if b["verdict"] in ABOVE]
+    left = [(b["verdict"], phrase("still", b=b)) for b in above]
+    if within := [b for b in known if b not in above]:
+        worst = max((b["verdict"] for b in within), key=rank)
+        errors = [] if above else told(loop)
+        left.append((worst, phrase("nothing_left", above=above, within=within, errors=errors)))
+    left += [(b["verdict"], phrase("quiet", b=b)) for b in within if b["too_quiet"]]
+    words = [phrase("untested", found=found) if known else ""]
+    words += [phrase("contradicting", b=b) for b in found if (b["sensor"], b["part"]) == ROTATIONS]
+    for name in SENSORS if calibration else ():
+        words += [sentence(f"{name}: {r}") for r in remarks(name, getattr(calibration, name))]
+    return {
+        "found": phrase("found", effects=effects, known=known, above=above),
+        "gain": " ".join(phrase("gain", error=error) for error in told(loop)),
+        "left": left,
+        "untested": " ".join(filter(None, words)),
+    }
+
+
+def fall(error):
+    """Return the factor by which an error is smaller with the effects found."""
+    return error["calibrated"] / error["final"] if error["final"] else 1.0
+
+
+def told(loop):
+    """Return the errors that the effects lowered by `WORTH_SAYING`, or else the first one."""
+    return [error for error in loop if fall(error) >= WORTH_SAYING] or loop[:1]
+
+
+def headline(summaries):
+    """Return the main finding of all devices in a line, given summary.json of each.
+
+    It is the error that fell most, or the worst verdict if none fell by `WORTH_SAYING`.
+    """
+    falls = [(fall(e), e, s) for s in summaries for e in s["loop"] if e["effects"]]
+    falls = [each for each in falls if each[0] >= WORTH_SAYING]
+    if falls:
+        _, error, summary = max(falls, key=lambda each: each[0])
+        verdicts = [{verdict for _, verdict, _ in s["answers"]} for s in summaries]
+        count = sum(bool(v & {"explained", "partly_explained"}) for v in verdicts)
+        numbers = {"summary": summary, "error": error, "count": count}
+        return phrase("headline_fall", **numbers, devices=len(summaries))
+    every = {verdict for s in summaries for _, verdict, _ in s["answers"]}
+    return phrase(
+        "headline_verdict",
+        summaries=summaries,
+        every=every,
+        worst=max(every - {"not_testable"}, key=rank, default="not_testable"),
+        calibrated=all(s["calibrated"] for s in summaries),
+    )
+
+
+def residual_text(residual, key, digits=3):
+    """Return a number of a residual as text with its unit: ``before``, ``after`` or ``floor``."""
+    return data_sheet(residual["unit"]).text(residual[key], digits)
+
+
+def record_title(block):
+    """Return the sensor and the kind of data as a heading."""
+    return f"{block['sensor'].capitalize()}, {RECORDS[block['part']]}"

@@ -1,0 +1,133 @@
+"""The long table of a device, a row per number, from which tables and comparisons are pivots."""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from imuloop.core.noise_model import AxisNoise
+from imuloop.core.samples import SENSORS
+from imuloop.export.densities import UNITS
+from imuloop.report.findings import QUOTED, block_of
+from imuloop.report.numbers import missing, sigma_of, value_text
+from imuloop.report.results import XYZ, of_axes
+from imuloop.report.units import COEFFICIENTS
+
+# terms of misalignment, in the order of every list of them
+PAIRS = {f"T{i}{j}": XYZ[i] + XYZ[j] for i, j in permutations(range(3), 2)}
+# quantity and axis of each parameter of a calibration
+PARAMETERS = {f"b{i}": ("bias", axis) for i, axis in enumerate(XYZ)}
+PARAMETERS |= {f"K{i}": ("scale", axis) for i, axis in enumerate(XYZ)}
+PARAMETERS |= {name: ("misalignment", pair) for name, pair in PAIRS.items()}
+# SI unit of each quantity that is compared
+SI = {
+    sensor: {"residual": residual, "bias": UNITS[sensor]["B"], "scale": "1", "misalignment": "rad"}
+    | UNITS[sensor]
+    for sensor, residual in (("accelerometer", "m/s^2"), ("gyroscope", "rad"))
+}
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number of a device, SI.
+
+    The stage of a parameter is the method of its calibration; the stage of a noise coefficient is
+    ``logged``, or ``before`` and ``after`` the correction of effects; the stage of a held-out
+    residual is ``after`` or ``floor``.
+    """
+
+    sensor: str
+    stage: str
+    quantity: str
+    axis: str | None
+    value: float | None
+    std: float | None  # standard error
+    unit: str | None
+    upper95: float | None = None  # one-sided 95 % upper limit of a noise coefficient
+
+    def text(self, display):
+        """Return the value ± 1 σ in another unit, or its upper limit."""
+        return value_text(self.value, self.std, self.upper95, display.factor)
+
+
+def long_table(device):
+    """Return every `Value` of a device."""
+    rows = [*calibration_values(device.calibrations), *noise_values(device)]
+    return [*rows, *residual_values(device)]
+
+
+def calibration_values(calibrations):
+    """Return the estimated parameters of each calibration, given by its method."""
+    rows = []
+    for stage, calibration in calibrations.items():
+        for name in SENSORS:
+            sensor, unit = getattr(calibration, name), getattr(calibration, name).raw_unit
+            for parameter, (quantity, axis) in PARAMETERS.items():
+                if parameter not in sensor.names:
+                    continue
+                at, std = tuple(map(int, parameter[1:])), sensor.std[parameter]
+                if quantity == "bias":
+                    value, std = unit.to_si(sensor.b)[at], std * unit.scale
+                elif quantity == "scale":
+                    value, std = sensor.K[at] / unit.scale - 1, std / unit.scale
+                else:
+                    value = sensor.T[at]
+                si = SI[name][quantity]
+                rows.append(Value(name, stage, quantity, axis, float(value), float(std), si))
+    return rows
+
+
+def noise_values(device):
+    """Return the noise coefficients of a device as logged, and before and after a correction."""
+    rows = []
+    for sensor in SENSORS:
+        stages = {"logged": of_axes(device.axes, sensor)}
+        change = of_axes(
+            block_of(device.diagnosis, sensor, "static_record").get("noise", {}), sensor
+        )
+        for stage in ("before", "after"):
+            stages[stage] = [(a, AxisNoise.from_dict(c[stage])) for a, c in change if c]
+        for stage, axes in stages.items():
+            for term in COEFFICIENTS:
+                for axis, noise in axes:
+                    c = getattr(noise, term)
+                    numbers = {"value": c.value, "std": sigma_of(c), "upper95": c.upper95}
+                    unit = SI[sensor].get(term)
+                    rows.append(Value(sensor, stage, term, axis, unit=unit, **numbers))
+    return rows
+
+
+def residual_values(device):
+    """Return the held-out residual of the poses of each sensor.
+
+    The quantity ``residual`` is the same kind for all devices, ``quoted`` the kind that the verdict
+    quotes.
+    """
+    rows = []
+    for sensor in SENSORS:
+        block = block_of(device.diagnosis, sensor, "poses")
+        for quantity, name in (("residual", QUOTED[sensor][0]), ("quoted", block["quoted"])):
+            if r := block["residuals"].get(name):
+                # the root mean square of n normal errors has a relative σ of 1/sqrt(2 n)
+                std = r["after"] / np.sqrt(2 * max(r["n"], 1))
+                for stage, error in (("after", std), ("floor", None)):
+                    unit = r["unit"]
+                    rows.append(Value(sensor, stage, quantity, None, r[stage], error, unit))
+    return rows
+
+
+def select(rows, **keys):
+    """Return the rows that have the given values in their columns."""
+    return [row for row in rows if all(getattr(row, k) == v for k, v in keys.items())]
+
+
+def worst(rows):
+    """Return the row with the largest value, and the row with a limit above it; None if absent."""
+    values = [row for row in rows if not missing(row.value)]
+    limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]
+    largest = max(values, key=lambda row: abs(row.value), default=None)
+    limit = max(limits, key=lambda row: (row.upper95, row.axis), default=None)
+    # an axis that is only limited may still be the worst
+    if largest and limit and limit.upper95 <= abs(largest.value):
+        limit = None
+    return largest, limit

@@ -1,0 +1,394 @@
+"""The tables of a device's part of the report."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.errors import joined, plural
+from imuloop.core.noise_model import AxisNoise
+from imuloop.core.samples import SENSORS
+from imuloop.core.units import HOUR
+from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.model.effect import Effect
+from imuloop.report.findings import blocks, record_title, residual_text
+from imuloop.report.long_table import PARAMETERS, calibration_values, noise_values, select
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    coefficient_text,
+    duration,
+    interval_text,
+    missing,
+    number,
+    percent,
+    probability,
+    text_of,
+    typeset,
+    with_sigma,
+    with_unit,
+)
+from imuloop.report.page import RECORDS, RESIDUALS, WORDS, effect_words
+from imuloop.report.results import UNITS, XYZ, of_axes
+from imuloop.report.units import COEFFICIENTS, QUANTITIES, data_sheet, spans
+
+NOT_ESTIMATED, BY_DEFINITION = "not estimated", "0 (by definition)"
+# s, the length of the means whose difference over an hour is the change of a bias
+OVER = 60.0
+# status of a candidate effect, best first
+UNTRIED = ("not_observable", "not_available")
+STATUS = ("added", "confounded", "rejected", *UNTRIED)
+# texts of a figure of quality.json that need no row
+NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"}
+
+
+class Sized(str):
+    """Text of a cell with the number that its column is sorted by, or None."""
+
+    def __new__(cls, text, value):
+        """Return the text with its value."""
+        cell = super().__new__(cls, text)
+        cell.value = None if missing(value) else f"{value:.6g}"
+        return cell
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the report; the first cell of each row names the row.
+
+    Headers have units, the caption where all cells share one; the note explains the numbers. Cells
+    of a dense table may break into lines. Rows sort by the values of `Sized` cells, else by text.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+    dense: bool = False
+    sortable: bool = False
+
+
+def parameter_table(device, sensor):
+    """Return a sensor's parameters, a column per method; None if nothing was estimated."""
+    # a method that estimated nothing has no column; the page says why above the table
+    methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
+    if not methods:
+        return None
+    final = methods.get("final")
+    for method in [m for m, s in methods.items() if m != "final" and final and _equal(s, final)]:
+        del methods[method]
+    values = select(calibration_values(device.calibrations), sensor=sensor)
+    values = {(v.stage, v.quantity, v.axis): v for v in values}
+    rows = [("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values()))]
+    for name, (quantity, axis) in PARAMETERS.items():
+        display, cells = QUANTITIES[sensor][quantity], []
+        for method, content in methods.items():
+            if value := values.get((method, quantity, axis)):
+                mark = f", {content.prior['source']}" if name in content.unimproved else ""
+                cells.append(Sized(value.text(display) + mark, value.value))
+            else:
+                fixed = name[0] == "T" and {"T01", "K0"} & {*content.names}
+                cells.append(BY_DEFINITION if fixed else NOT_ESTIMATED)
+        if not {NOT_ESTIMATED, BY_DEFINITION}.issuperset(cells):
+            rows.append((f"{WORDS['compared'][quantity]} {axis}", display.unit, *cells))
+    return Table(
+        f"{sensor.capitalize()}: parameters, value ± 1 σ",
+        ("Parameter", "Unit", *(WORDS["stages"][m] for m in methods)),
+        rows,
+        f"A bias is the mean level over the rests of this record{_after_an_hour(device, sensor)}. "
+        "Misalignment ij: how much of axis j shows on axis i. A value marked “data sheet” was "
+        "hardly improved by these data. Reduced χ² near 1: as good as the noise allows.",
+        sortable=True,
+    )
+
+
+def _equal(one, other):
+    """Return whether two calibrations have the same parameters: they are shown once."""
+    pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
+    return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
+
+
+def wander(noise, interval, length):
+    """Return the standard deviation of the change of the bias between two times, SI.
+
+    It is the difference of two means of the output by flicker, random walk and Gauss-Markov
+    processes, without other noise. `interval` is between the starts of the two means, `length` is
+    the length of each mean, s.
+    """
+    slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
+    covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
+    return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2 * covariance[0, 1]))
+
+
+def _after_an_hour(device, sensor):
+    """Return in words what to add to the standard error of a bias for the next hour, if known."""
+    sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
+    if not any(sizes):
+        return ""
+    display = QUANTITIES[sensor]["bias"]
+    listed = joined([display.size(size or None, 2) for size in sizes])
+    return f"; an hour later add, in quadrature, ± {listed} {display.unit} by B and K"
+
+
+def reasons(device):
+    """Return the reasons why parts of the calibration are missing: (method, sensor, reason).
+
+    Left out are a reason that stands with a verdict, and one of the final calibration that an
+    earlier method has.
+    """
+    told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
+    lines = {}
+    for method, calibration in device.calibrations.items():
+        for sensor in SENSORS:
+            why = getattr(calibration, sensor).not_testable
+            earlier = method == "final" and any(key[1:] == (sensor, why) for key in lines)
+            if why and (sensor, why) not in told and not earlier:
+                lines[WORDS["stages"][method], sensor, why] = None
+    return [*lines]
+
+
+def model_table(device, sensor):
+    """Return T, K and b of the final calibration as calibration.json stores them."""
+    s = getattr(device.calibrations["final"], sensor)
+    unit = typeset(s.raw_unit.name)
+    lines = [(f"T, row {axis}", "1", row) for axis, row in zip(XYZ, s.T, strict=True)]
+    lines += [("K", f"{UNITS[sensor]} per {unit}", s.K), ("b", unit, s.b)]
+    return Table(
+        f"{sensor.capitalize()}: final model x = T (K (raw − b) − e), to copy",
+        ("Symbol", "Unit", *XYZ),
+        # with the minus sign of a keyboard, which programs read
+        [(symbol, unit, *(f"{v:.8g}" for v in values)) for symbol, unit, values in lines],
+    )
+
+
+def noise_words(sensor, term):
+    """Return a noise coefficient in words."""
+    return WORDS["noise"][term].format(white=WORDS["white"][sensor], walk=WORDS["walk"][sensor])
+
+
+def coefficient_table(device, sensor):
+    """Return a sensor's noise coefficients, a column per axis, in units of data sheets."""
+    values, rows = select(noise_values(device), sensor=sensor, stage="logged"), []
+    typical = device.data_sheet.get("noise", {}).get(sensor)
+    for term in COEFFICIENTS:
+        display, words = QUANTITIES[sensor][term], noise_words(sensor, term)
+        if term == "N" and typical is not None:
+            words += f"; data sheet {display.size(typical, 2)} (typical)"
+        cells = (value.text(display) for value in select(values, quantity=term))
+        rows.append((words, display.unit, *cells))
+    axes = of_axes(device.axes, sensor)
+    for key, unit, name in (("tc", "s", "gauss_markov"), ("frequency", "Hz", "sinusoid")):
+        terms = [[coefficient_text(getattr(p, key)) for p in getattr(n, name)] for _, n in axes]
+        if any(terms):
+            rows.append((noise_words(sensor, key), unit, *map(", ".join, terms)))
+    return Table(
+        f"{sensor.capitalize()}: noise coefficients, value ± 1 σ",
+        ("Coefficient", "Unit", *XYZ),
+        rows,
+        "“<”: not seen in the record, below this number with 95 % confidence. B is the flat part "
+        "of the Allan curve divided by 0.664.",
+    )
+
+
+def noise_change_table(device, sensor):
+    """Return the noise coefficients before and after the correction; None if nothing changed."""
+    values, rows = select(noise_values(device), sensor=sensor), []
+    for term in COEFFICIENTS:
+        display = QUANTITIES[sensor][term]
+        stages = (select(values, quantity=term, stage=s) for s in ("before", "after"))
+        cells = [f"{b.text(display)} → {a.text(display)}" for b, a in zip(*stages, strict=True)]
+        rows.append((noise_words(sensor, term), display.unit, *cells))
+    return cells and Table(
+        f"{sensor.capitalize()}, static record: noise coefficients before → after the correction",
+        ("Coefficient", "Unit", *XYZ),
+        rows,
+    )
+
+
+def steps_table(block):
+    """Return the effects in the order in which they were added; None without any."""
+    residuals, rows = block["residuals"], []
+    for place, effect in enumerate(block["effects"], 1):
+        name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
+        # the unit of a residual that the block lacks is not known
+        if name in residuals:
+            sizes = {when: effect[f"heldout_{when}"] for when in ("before", "after")}
+            errors = [residual_text(residuals[name] | sizes, when) for when in sizes]
+        chance, ratio = probability(effect["p_value"]), interval_text(effect["ratio_ci95"])
+        rows.append((f"{place}. {effect_words(effect)}", chance, RESIDUALS[name], *errors, ratio))
+    return rows and Table(
+        f"{record_title(block)}: effects added, in order",
+        ("Effect", "p-value", "Held-out error of", "Before", "After", "Ratio after/before, 95 %"),
+        rows,
+    )
+
+
+def parameter_rows(effect):
+    """Return the parameters of an effect: name, value ± σ and unit of data sheets."""
+    rows, constants = [], effect["constants"]
+    sessions, times = constants.get("sessions", ()), constants.get("times", ())
+    for name, value in effect["parameters"].items():
+        display, sigma = data_sheet(effect["units"][name]), effect["std"].get(name)
+        # a step has its number in the name of its parameters
+        step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
+        if 0 <= step < min(len(sessions), len(times)):
+            name += f", {sessions[step]} at {duration(times[step])}"
+        rows.append((name, with_sigma(value, sigma, display.factor), display.unit))
+    return rows
+
+
+def effect_table(block, effect):
+    """Return the parameters ± σ of an effect that was added."""
+    known, rows = Effect.library.get(effect["name"]), parameter_rows(effect)
+    if effect["name"] == TurnOnBias.name:
+        shown = data_sheet(next(iter(effect["units"].values())))
+        std, interval = TurnOnBias(**effect["constants"]).repeatability(effect["parameters"])
+        for axis, value, low, high in zip(XYZ, std, *interval, strict=True):
+            ends = f"{shown.size(low)} to {shown.text(high)}"
+            label = f"over power cycles, {axis}: 1 σ, 95 % interval {ends}"
+            rows.append((label, shown.size(value), shown.unit))
+    note = f"{known.equation} ({known.reference})." if known else ""
+    if block["part"] == "reference":
+        note = (
+            "The reference's clock shows t + dt where the log is stamped t; r is the place of the "
+            "IMU from the marker."
+        )
+    if constants := constants_text(effect["constants"]):
+        note = f"{note} The best of the shapes that were tried: {constants}.".strip()
+    place = f"the {block['sensor']} ({RECORDS[block['part']]})"
+    title = f"{effect_words(effect)}, added to {place}"
+    return Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
+
+
+def set_up_table(block):
+    """Return bias and mounting of each session with a reference; None without any."""
+    rows = []
+    for session, content in block.get("set_up", {}).items():
+        rows += [(f"{session}, {name}", *cells) for name, *cells in parameter_rows(content)]
+    note = "b is the bias as logged, m the rotation vector from the body to the reference."
+    title = f"{block['sensor'].capitalize()}, sessions with a reference"
+    return rows and Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
+
+
+def ranked(block):
+    """Return a diagnosis' candidates: added ones in their order, then by p-value."""
+    order = [effect["name"] for effect in block["effects"]]
+    return sorted(
+        block["candidates"],
+        key=lambda c: (
+            STATUS.index(c["status"]),
+            order.index(c["name"]) if c["name"] in order else len(order),
+            float("inf") if c["p_value"] is None else c["p_value"],
+        ),
+    )
+
+
+def ranking_table(block):
+    """Return the effects that were tried: their status and limits; None if none was tried."""
+    candidates = ranked(block)
+    tried = [c for c in candidates if c["status"] not in UNTRIED]
+    if not tried:
+        return None
+    rows, notes, pairs = [], [], {}
+    for c in tried:
+        status, twin = c["status"].replace("_", " "), c["confounded_with"]
+        status += f" with {effect_words({'name': twin})}" if twin else ""
+        limits = "; ".join(spans(c["detection_limit"] or {}, c.get("units", {})))
+        rank = STATUS.index(c["status"])
+        rows.append((effect_words(c), Sized(status, rank), limits or NO_NUMBER))
+    if untried := len(candidates) - len(tried):
+        notes.append(f"{plural(untried, 'effect')} more cannot show here: see diagnosis.json.")
+    for pair in block["confounded"]:
+        names = frozenset((pair["effect"], pair["with"]))
+        words = (effect_words({"name": pair[key]}) for key in ("effect", "with"))
+        pairs.setdefault(names, f"{' and '.join(words)} ({percent(pair['share'])})")
+    if pairs:
+        notes.append(f"Cannot be told apart in these data: {', '.join(pairs.values())}.")
+    title = f"{record_title(block)}: candidate effects, best first"
+    heads = ("Effect", "Status", "Would be seen from")
+    return Table(title, heads, rows, " ".join(notes), dense=True, sortable=True)
+
+
+def constants_text(constants):
+    """Return the constants of an effect's shape in words."""
+    parts = []
+    for name, value in constants.items():
+        if name == "times":
+            more = ", …" * (len(value) > 3)
+            times = ", ".join(map(duration, value[:3]))
+            parts.append(f"{plural(len(value), 'step')}, {times}{more}")
+        elif name not in ("sessions", "spans"):
+            symbol, unit = WORDS["constants"].get(name, (name.replace("_", " "), ""))
+            text = str(value) if isinstance(value, (int, str)) else text_of(value)
+            parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
+    return ", ".join(parts)
+
+
+def data_table(device):
+    """Return the table of sessions, a column per session: rows, rate, every fault counted."""
+    columns = []
+    for s in device.sessions:
+        status = "rejected" if s.rejected else "used"
+        columns.append({"Kind": s.kind, "Status": status} | quality_figures(s.quality))
+    # a figure that no session has needs no row
+    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
+    return Table(
+        "Sessions and the quality of their logs",
+        ("Figure, unit", *(session.name for session in device.sessions)),
+        [row for row in rows if not NOTHING.issuperset(row[1:])],
+    )
+
+
+def quality_figures(q):
+    """Return the figures of quality.json as text by their name and unit."""
+    jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
+    names = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
+    mended = text_of({name: clock.get(key) for name, key in names.items()})
+    # saturation is unknown without a full scale
+    clipped = {k: v for k, v in q["clipped"].items() if v is not None}
+    dropped = WORDS["dropped"].items()
+    return {
+        "Rows used": text_of(q["rows"]),
+        "Duration": duration(q["duration_s"]),
+        "Rate, Hz": number(q["rate_hz"], 5),
+        "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
+        "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else mended,
+        "Clock from the declared rate, ppm": number(clock.get("drift_ppm")),
+        "Clock from GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
+        "Gaps": text_of(q["gaps"]["count"]),
+        "Gaps in all, s": number(q["gaps"]["total_s"]),
+        **{f"{words}, rows": text_of(q[key]) for key, words in dropped},
+        "Clipped, values": text_of(clipped) if clipped else "not known, no full_scale",
+        "Constant channels": text_of(q["constant"]),
+        **_faults(q["faults"]),
+        "Temperature, °C": " to ".join(map(number, limits)) if limits else "not logged",
+        "Start": text_of(q["start"]),
+        "Units as logged": text_of(q["units"]),
+    }
+
+
+def _faults(found):
+    """Return the faults of the values themselves, which stay in the samples, as text."""
+
+    def rows(key):
+        """Return the rows of a fault by channel as text."""
+        return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
+
+    held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
+    rests = found.get("rests") or {}
+    figures = {
+        "Zero on all axes, rows": text_of(found.get("zero_rows")),
+        "Stuck at one value, rows": rows("stuck"),
+        "Without noise at rest": text_of(found.get("silent_at_rest")),
+        "Spikes of one sample, left": text_of(found.get("spikes")),
+        "Clipped at a repeated extreme, rows": rows("clipped_at"),
+        "Rows that a value is held": text_of(held) if held else "1",
+        "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
+        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
+        "Correlation of gyroscope turns with gravity turns (1 is perfect)": number(
+            (found.get("axes") or {}).get("agreement")
+        ),
+        "Turns by angular rate per turns of gravity, rest to rest": number(
+            (rests.get("turn_ratio") or {}).get("value")
+        ),
+    }
+    return figures if found else dict.fromkeys(figures, NO_NUMBER)
