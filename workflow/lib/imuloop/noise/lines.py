@@ -36,7 +36,7 @@ class Line:
 
 
 def find_line(signals, spectrum, level):
-    """Return the most significant Line; None if chance explains it.
+    """Return the most significant Line; None if noise explains it.
 
     A line is the peak of a `Periodogram` that is least likely in noise, if the chance of such a
     peak is below the level. Each signal is tested alone and the numbers of independent frequencies
@@ -60,16 +60,11 @@ def find_line(signals, spectrum, level):
     ----------
     Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    found = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
-    periodograms = {i: periodogram for i, periodogram in found.items() if periodogram}
-    if not periodograms:
-        return None
-    independent = sum(p.independent for p in periodograms.values())
-    (chance, _, peak), best = min((p.strongest(level), i) for i, p in periodograms.items())
-    if chance_over_band(chance, independent) > level:
+    peak, best, periodograms = strongest_peak(signals, spectrum, level)
+    if peak is None:
         return None
     strongest = fit_sinusoid(signals[best], peak)
-    if chance_over_band(periodograms[best].chance(strongest), independent) > level:
+    if _chance_anywhere(periodograms, periodograms[best].chance(strongest)) > level:
         return None
     sinusoids, frequency = {best: strongest}, strongest.frequency
     for i in periodograms.keys() - {best}:
@@ -80,16 +75,35 @@ def find_line(signals, spectrum, level):
             if chance_over_band(periodograms[i].chance(sinusoid), 2 * reach * span) <= level:
                 sinusoids[i] = sinusoid
     error = np.sqrt(periodograms[best].noise(frequency)[0])
-    amplitude = float(np.hypot(strongest.cosine, strongest.sine))
     return Line(
         Coefficient.of(frequency, error * strongest.frequency_std),
-        Coefficient.of(amplitude, error * strongest.amplitude_std),
+        Coefficient.of(np.hypot(*strongest.amplitudes), error * strongest.amplitude_std),
         sinusoids,
     )
 
 
+def strongest_peak(signals, spectrum, level):
+    """Return the peak that is least likely in noise, if its chance is below the level.
+
+    Returns its frequency in Hz, or None; the index of its signal; and the Periodograms of the
+    signals, by index, without those of signals that are too short. `find_line` describes the
+    arguments.
+    """
+    every = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
+    periodograms = {i: periodogram for i, periodogram in every.items() if periodogram}
+    peaks = [(*p.strongest(level), i) for i, p in periodograms.items()]
+    chance, _, frequency, best = min(peaks, default=(1.0, 0.0, 0.0, None))
+    rare = _chance_anywhere(periodograms, chance) <= level
+    return frequency if rare else None, best, periodograms
+
+
+def _chance_anywhere(periodograms, chance):
+    """Return the chance of a peak anywhere in Periodograms from its chance at one frequency."""
+    return chance_over_band(chance, sum(p.independent for p in periodograms.values()))
+
+
 def mains(frequency, rate):
-    """Return the name of the mains harmonic at a frequency, None without one; both in Hz.
+    """Return the name of the mains harmonic at a frequency, both in Hz; None if there is none.
 
     E.g. ``50 Hz mains, alias of its 2nd harmonic``. It is the lowest harmonic that fits, of both
     mains where both fit. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is

@@ -5,14 +5,14 @@ rate, and N is the density in front of the filter.
 """
 
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 
-from imuloop.core.noise_model import DEGREES, Coefficient
+from imuloop.core.noise_model import DEGREES, Coefficient, LowPassTerm
 from imuloop.noise.gains import GAINS, LowPass, density
 from imuloop.noise.likelihood import likeliest
 from imuloop.noise.processes import NAMES
+from imuloop.noise.selection import correlation_times
 
 # corners that are tried, and the highest, share of the rate
 CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
@@ -29,22 +29,50 @@ def choose_low_pass(selection):
     Gauss-Markov process, nor the process for a filter. A filter has two parameters, or three with a
     floor, a process has two, and another term one.
     """
-    whole, none = selection.likelihood, np.zeros(0)
-    power = whole.power(selection.fit((*NAMES, "R")).ramp)
-    flat = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
-    plain = flat.fit(NAMES)
+    whole, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
+    level = replace(selection, likelihood=replace(whole, slow=whole.slow - ramp * whole.rho))
+    plain = level.fit(NAMES)
     start = np.append(plain.theta, 0.0)
-    values = {kind: [_fit(flat, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
+    values = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
     if max(map(max, values.values())) - plain.value < 2 * PRICE:
         return selection
-    best = [_fit_corner(flat, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
-    fits = sorted(best, key=itemgetter(0))[-3:]
+    fits = [_fit_corner(level, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
-    filtered = selection.filtered(low_pass)
-    price = PRICE * (3 if low_pass.floor else 2)
-    better = _score(filtered) - price > _score(selection)
+    filtered = replace(selection, low_pass=low_pass)
+    better = _score(filtered) > _score(selection)
     return filtered if better and _is_seen(filtered) else selection
+
+
+def _fit(selection, kind, corner, start=None):
+    """Return the log-likelihood of Q, N, B, K behind a filter, and the LowPass.
+
+    The floor of the filter is fitted too. `corner` is a share of the rate. `start` holds variances
+    of Q, N, B, K and of the white noise behind the filter near the maximum.
+    """
+    low_pass = LowPass(kind, float(corner))
+    units = replace(selection, low_pass=low_pass).units(NAMES)
+    fit = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
+    white, behind = fit.theta[NAMES.index("N")], fit.theta[-1]
+    floor = float(behind / (white + behind)) if behind else 0.0
+    return fit.value, replace(low_pass, floor=floor)
+
+
+def _fit_corner(selection, kind, near):
+    """Return log-likelihood and LowPass, like `_fit`, at the likeliest corner around `near`."""
+    step = CORNERS[1] / CORNERS[0]
+    low, high = np.log([near / step, min(near * step, HIGHEST)])
+    u = likeliest(lambda u: _fit(selection, kind, np.exp(u))[0], low, high, close=3e-4)
+    return _fit(selection, kind, np.exp(u))
+
+
+def _score(selection):
+    """Return the log-likelihood of terms and filter less the price of their parameters."""
+    terms, low_pass = selection.supported, selection.low_pass
+    parameters = len(terms) + len(correlation_times(terms))
+    if low_pass:
+        parameters += 3 if low_pass.floor else 2
+    return selection.fit(terms).value - PRICE * parameters
 
 
 def _is_seen(filtered):
@@ -60,46 +88,24 @@ def _is_seen(filtered):
 def leakage_weights(filtered):
     """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
 
-    Where a filter leaves next to nothing, the squares of a block are what leaks from lower
-    frequencies by its ends: many values that are few independent ones.
+    Where a filter leaves next to nothing, the squares of a block are leakage from lower frequencies
+    by the ends of the block: many values, of which few are independent.
     """
     modes, low_pass = filtered.modes, filtered.low_pass
-    gain = low_pass.gain(np.minimum(modes.frequency * modes.dt, 0.5))
+    gain = low_pass.gain(modes.frequency * modes.dt)
     return np.minimum(gain / modes.gain(low_pass), 1.0) ** 2
 
 
-def _fit(selection, kind, corner, start=None):
-    """Return the log-likelihood of Q, N, B, K behind a filter, and the LowPass.
-
-    The floor of the filter is fitted too. `corner` is a share of the rate. `start` holds variances
-    of Q, N, B, K and of the white noise behind the filter near the maximum.
-    """
-    low_pass = LowPass(kind, float(corner))
-    units = selection.filtered(low_pass).units(NAMES)
-    found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
-    white, behind = found.theta[NAMES.index("N")], found.theta[-1]
-    floor = float(behind / (white + behind)) if behind else 0.0
-    return found.value, replace(low_pass, floor=floor)
-
-
-def _fit_corner(selection, kind, near):
-    """Return the same as `_fit` at the likeliest corner between the neighbours of `near`."""
-    step = CORNERS[1] / CORNERS[0]
-    low, high = np.log([near / step, min(near * step, HIGHEST)])
-    u = likeliest(lambda u: _fit(selection, kind, np.exp(u))[0], low, high, close=3e-4)
-    return _fit(selection, kind, np.exp(u))
-
-
 def likeliest_corner(filtered, terms):
-    """Return a Selection behind a filter at its likeliest corner, with errors.
+    """Return a Selection behind a filter at its likeliest corner, its LowPassTerm, and a factor.
 
-    Takes a Selection behind the filter, and the supported terms. The errors are by the information
-    matrix: the standard error of the logarithm of the corner; and the standard error of N, as a
-    multiple of its standard error at a known corner.
+    Takes a Selection behind the filter, and the supported terms. Standard errors are by the
+    information matrix. The factor is the standard error of N, as a multiple of its standard error
+    at a known corner.
     """
 
     def behind(u):
-        return filtered.filtered(replace(filtered.low_pass, corner=float(np.exp(u))))
+        return replace(filtered, low_pass=replace(filtered.low_pass, corner=float(np.exp(u))))
 
     u = np.log(filtered.low_pass.corner)
     high = min(u + 0.2, np.log(HIGHEST))
@@ -108,15 +114,11 @@ def likeliest_corner(filtered, terms):
     units, theta = best.units(terms), best.fit(terms).theta
     change = (units - behind(u - SHIFT).units(terms)) @ theta / SHIFT
     known, free = (
-        np.sqrt(np.diag(best.likelihood.covariance(each, units @ theta)))
-        for each in (units, np.column_stack([units, change]))
+        np.sqrt(np.diag(best.likelihood.covariance(columns, units @ theta)))
+        for columns in (units, np.column_stack([units, change]))
     )
-    n = terms.index("N")
-    return best, float(free[-1]), float(free[n] / known[n])
-
-
-def _score(selection):
-    """Return the log-likelihood of the supported terms less the price of their parameters."""
-    terms = selection.supported
-    parameters = len(terms) + sum(not isinstance(term, str) for term in terms)
-    return selection.fit(terms).value - PRICE * parameters
+    corner, n = best.low_pass.corner / best.modes.dt, terms.index("N")
+    term = LowPassTerm(
+        best.low_pass.kind, Coefficient.of(corner, corner * float(free[-1])), best.low_pass.floor
+    )
+    return best, term, float(free[n] / known[n])

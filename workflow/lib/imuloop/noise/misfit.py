@@ -33,7 +33,8 @@ def misfit(selection, terms):
     ratio = likelihood.above_rounding(likelihood.power(fit.ramp)) / expected
     group = _groups(selection.modes.frequency, selection.modes.count)
     n = np.bincount(group, likelihood.count)
-    used = n > 0
+    # leakage behind a filter has next to no weight
+    used = n > 1
     half = np.where(used, n, 2.0) / 2
     r = np.maximum(np.bincount(group, likelihood.count * ratio) / (2 * half), 1e-12)
     variance = polygamma(1, half)

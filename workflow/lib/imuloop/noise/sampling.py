@@ -91,20 +91,6 @@ class Signal(Sampling):
         """Return whether no stretch ever changes."""
         return not any(np.ptp(x) for x in self.split(self.values))
 
-    def means(self, size):
-        """Return the Signal of means over `size` samples, counted from the start of each stretch.
-
-        None where all stretches are shorter.
-        """
-        number = self.lengths // size
-        kept, parts = number > 0, zip(self.split(self.values), number, strict=True)
-        if not kept.any():
-            return None
-        values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in parts])
-        starts = self.starts[kept] // size
-        levels = np.unique(self.levels[kept], return_inverse=True)[1]
-        return Signal(self.rate / size, starts - starts[0], number[kept], levels, values)
-
     @cached_property
     def power(self):
         """Squared Fourier transform over a factor, shape (f,), and the factor, SI^2.
