@@ -1,23 +1,25 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import covariances
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.signal import Signal
 
 
 def distances(starts):
     return np.abs(np.subtract.outer(starts, starts))
 
 
-BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
+BROKEN = Signal(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
 
 def broken(x):
     """Return the Signal of what BROKEN keeps of 1900 samples."""
     ends = zip(BROKEN.starts, BROKEN.lengths, strict=True)
-    return BROKEN.with_values(np.concatenate([x[start : start + n] for start, n in ends]))
+    return replace(BROKEN, values=np.concatenate([x[start : start + n] for start, n in ends]))
 
 
 @pytest.mark.parametrize("n", [2, 63, 64])

@@ -29,8 +29,8 @@ class AxisEstimate:
 
     # coefficients, tested, with intervals or limits
     noise: AxisNoise = field(default_factory=AxisNoise)
-    # largest significant misfit of the spectrum over half a decade, a relative standard deviation;
-    # 0 if no misfit is significant; it is part of all intervals
+    # largest significant misfit of the spectrum over half a decade, a relative standard deviation,
+    # by which all intervals are widened; 0 if no misfit is significant
     misfit: float = 0.0
 
 
@@ -72,8 +72,8 @@ def estimate_axis(basis, signals, settings):
 def _weighted(selection, weight, terms):
     """Return a Selection whose rows have less weight, and its terms.
 
-    `weight`, shape (r,), are factors of the weights. The terms do not change if white noise, by
-    which a filter is known, would no longer be among them.
+    `weight`, shape (r,), multiplies the weights of the rows. The terms are selected again. But they
+    stay if white noise, by which a filter is known, would no longer be among them.
     """
     selection = selection.weighted(weight)
     kept = selection.low_pass and "N" not in selection.supported
@@ -105,9 +105,9 @@ def find_lines(basis, signals, settings):
 def _strongest_line(signals, selection):
     """Return the most significant Line of Signals, or None.
 
-    The fit of the terms may take a line of a few periods for noise. So a line that stands out from
-    its neighbours, whatever the terms are, is kept from the fit. It is a line if it then stands out
-    from the terms.
+    The fit of the terms may take a line of a few periods for noise. So the highest peak over its
+    neighbours, by a flat spectrum, is left out of the fit. It is a line if it then stands out from
+    the spectrum of the terms.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)

@@ -25,10 +25,10 @@ def coefficients_with_intervals(selection, terms, wider=1.0):
     """Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are estimated with the supported terms alone, so that together they describe the
-    spectrum. Another term may be too weak to pass its test, or may stand where the supported one
-    does. So intervals and limits are those of a wider model, which also holds white noise, flicker,
-    walk and ramp: ends of the profile likelihood for N, B, K, Q and R, and standard errors by the
-    information matrix for Gauss-Markov processes.
+    spectrum. Another term may be too weak to pass its test, or may be true in place of a supported
+    one. So intervals and limits come from a wider model, which also holds white noise, flicker,
+    walk and ramp. For Q, N, B, K and R they are ends of the profile likelihood. For Gauss-Markov
+    processes they follow from the information matrix.
 
     If there is a filter, N depends on its corner: the interval of N is `wider` times as long on a
     logarithmic scale.
@@ -84,9 +84,9 @@ def _profile(selection, model, name):
 
 
 def _crossing(deviate, u, wanted):
-    """Return the coefficient, SI, at which a profile has a wanted value; 0 if there is none.
+    """Return the coefficient, SI, at which a profile has a wanted value, or 0.
 
-    Takes the two results of `_profile`.
+    Takes the two results of `_profile`. The result is 0 if the profile never has that value.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:
@@ -103,12 +103,11 @@ def _process(selection, terms, wide, tc):
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times
     unit = variance * selection.unit(tc)
     change = (variance * selection.unit(tc * exp(SHIFT)) - unit) / SHIFT
-    columns = np.column_stack([unit, change, selection.units(without(wide, tc))])
-    errors = selection.likelihood.covariance(columns, selection.units(terms) @ fit.theta)[:2, :2]
-    # of the logarithms of q = sqrt(2 v/tc) and tc
-    q_error, tc_error = (sqrt(w @ errors @ w) for w in (np.array([0.5, -0.5]), np.array([0, 1.0])))
-    q, ends = sqrt(2 * variance / tc), tc * np.exp(tc_error * np.array([LOW, HIGH, LIMIT]))
+    # derivatives by the logarithms of q and tc; the variance is q^2 tc/2
+    columns = np.column_stack([2 * unit, unit + change, selection.units(without(wide, tc))])
+    errors = selection.likelihood.covariance(columns, selection.units(terms) @ fit.theta)
+    q, q_error, tc_error = sqrt(2 * variance / tc), sqrt(errors[0, 0]), sqrt(errors[1, 1])
+    ends = tc * np.exp(tc_error * np.array([LOW, HIGH, LIMIT]))
     low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
-    return GaussMarkovTerm(
-        Coefficient.of(q, q * q_error), Coefficient(tc, (low, high), upper, True)
-    )
+    time = Coefficient(tc, (low, high), upper, True)
+    return GaussMarkovTerm(Coefficient.of(q, q * q_error), time)

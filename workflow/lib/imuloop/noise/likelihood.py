@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import exp
 
 import numpy as np
 from scipy.optimize import fminbound, nnls
@@ -19,19 +20,25 @@ def weighted_nnls(units, target, weight):
 
     Takes the matrix U, (r, p), whose columns may have any size; y and the weight w, (r,).
     """
-    if not units.shape[1]:
-        # scipy's nnls ends the process
-        return np.zeros(0)
     root = np.sqrt(weight)
-    columns = units * root[:, None]
+    columns, size = _normalised(units * root[:, None])
+    return nnls(columns, root * target)[0] / size
+
+
+def _normalised(columns):
+    """Return columns, (r, p), over their norms, and the norms, (p,); 1 for a column of zeros."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
-    return nnls(columns / size, root * target)[0] / size
+    return columns / size, size
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return where a function of a number is largest between two ends, right within `close`."""
-    return float(fminbound(lambda u: -log_likelihood(u), low, high, xtol=close))
+    """Return where a function of a positive number is largest between two ends.
+
+    The result is right within the relative error `close`.
+    """
+    ends = np.log([low, high])
+    return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,7 @@ class Likelihood:
         Parameters
         ----------
         units : ndarray, shape (r, p)
-            Expected mean squares for unit variances; p may be 0.
+            Expected mean squares for unit variances.
         ramp : float or None
             Ramp that is held, SI/s; None to fit it.
         fixed : ndarray, shape (r,), or float
@@ -109,6 +116,8 @@ class Likelihood:
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope, power = ramp, self.power(ramp or 0.0)
+        # mean weight of the modes that hold a ramp
+        weight = self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
@@ -116,7 +125,7 @@ class Likelihood:
 
         def values(expected):
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
-            lost = self._weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
+            lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
             return float(value), float(value - lost)
 
         theta = start
@@ -131,7 +140,7 @@ class Likelihood:
                 slope, information = self.ramp(expected)
                 power = self.power(slope)
                 taken = np.zeros(len(power))
-                taken[: len(self.rho)] = self._weight / information * self.rho**2
+                taken[: len(self.rho)] = weight / information * self.rho**2
             value, restricted = values(expected)
             before, growth, last = growth, restricted - last, restricted
             # near the maximum, the likelihood grows by a fixed share of the growth before
@@ -152,10 +161,7 @@ class Likelihood:
         Takes the derivatives of the spectrum by the parameters, (r, p), and the spectrum, (r,).
         """
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
-        rows /= self.above_rounding(expected)[:, None]
-        size = np.linalg.norm(rows, axis=0)
-        size[size == 0] = 1.0
-        rows /= size
+        rows, size = _normalised(rows / self.above_rounding(expected)[:, None])
         return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
     def ramp(self, expected):
@@ -174,11 +180,5 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, measured or expected, none below that of rounding."""
+        """Return mean squares, measured or expected, raised to the floor of rounding."""
         return np.maximum(squares, self.floor)
-
-    @cached_property
-    def _weight(self):
-        """Mean weight of the modes that hold a ramp."""
-        squares = self.rho**2
-        return self.count[: len(squares)] @ squares / squares.sum()

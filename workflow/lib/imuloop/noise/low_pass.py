@@ -5,6 +5,7 @@ rate, and N is the density in front of the filter.
 """
 
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from imuloop.noise.selection import correlation_times
 
 # corners that are tried, and the highest, share of the rate
 CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
-# shift of the logarithm of a corner by which a derivative is taken
-SHIFT = 1e-3
+# shifts of the logarithm of a corner: for a derivative, and to the ends of the last search
+SHIFT, REACH = 1e-3, 0.2
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
 PRICE = 4.8
 
@@ -40,8 +41,7 @@ def choose_low_pass(selection):
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     filtered = replace(selection, low_pass=low_pass)
-    better = _score(filtered) > _score(selection)
-    return filtered if better and _is_seen(filtered) else selection
+    return filtered if _score(filtered) > _score(selection) and _is_seen(filtered) else selection
 
 
 def _fit(selection, kind, corner, start=None):
@@ -61,9 +61,9 @@ def _fit(selection, kind, corner, start=None):
 def _fit_corner(selection, kind, near):
     """Return log-likelihood and LowPass, like `_fit`, at the likeliest corner around `near`."""
     step = CORNERS[1] / CORNERS[0]
-    low, high = np.log([near / step, min(near * step, HIGHEST)])
-    u = likeliest(lambda u: _fit(selection, kind, np.exp(u))[0], low, high, close=3e-4)
-    return _fit(selection, kind, np.exp(u))
+    ends = near / step, min(near * step, HIGHEST)
+    corner = likeliest(lambda corner: _fit(selection, kind, corner)[0], *ends, close=3e-4)
+    return _fit(selection, kind, corner)
 
 
 def _score(selection):
@@ -77,12 +77,9 @@ def _score(selection):
 
 def _is_seen(filtered):
     """Return whether white noise is most of the power in front of a filter, at its corner."""
-    terms, share = filtered.supported, filtered.low_pass.corner
-    if "N" not in terms or share < CORNERS[0]:
-        return False
-    noise, rate = filtered.noise(terms), 1 / filtered.modes.dt
-    slow = replace(noise, Q=Coefficient(), N=Coefficient())
-    return density(slow, share * rate, rate) < 2 * noise.N.square
+    noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
+    slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
+    return corner >= CORNERS[0] and density(slow, corner * rate, rate) < 2 * noise.N.square
 
 
 def leakage_weights(filtered):
@@ -104,21 +101,18 @@ def likeliest_corner(filtered, terms):
     at a known corner.
     """
 
-    def behind(u):
-        return replace(filtered, low_pass=replace(filtered.low_pass, corner=float(np.exp(u))))
+    def behind(corner):
+        return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
 
-    u = np.log(filtered.low_pass.corner)
-    high = min(u + 0.2, np.log(HIGHEST))
-    u = likeliest(lambda u: behind(u).fit(terms).value, u - 0.2, high, close=1e-4)
-    best = behind(u)
+    near = filtered.low_pass.corner
+    ends = near * np.exp(-REACH), min(near * np.exp(REACH), HIGHEST)
+    corner = likeliest(lambda corner: behind(corner).fit(terms).value, *ends, close=1e-4)
+    best = behind(corner)
     units, theta = best.units(terms), best.fit(terms).theta
-    change = (units - behind(u - SHIFT).units(terms)) @ theta / SHIFT
-    known, free = (
-        np.sqrt(np.diag(best.likelihood.covariance(columns, units @ theta)))
-        for columns in (units, np.column_stack([units, change]))
-    )
-    corner, n = best.low_pass.corner / best.modes.dt, terms.index("N")
-    term = LowPassTerm(
-        best.low_pass.kind, Coefficient.of(corner, corner * float(free[-1])), best.low_pass.floor
-    )
-    return best, term, float(free[n] / known[n])
+    change = (units - behind(corner * np.exp(-SHIFT)).units(terms)) @ theta / SHIFT
+    known = best.likelihood.covariance(units, units @ theta)
+    free = best.likelihood.covariance(np.column_stack([units, change]), units @ theta)
+    hertz, n = corner / best.modes.dt, terms.index("N")
+    coefficient = Coefficient.of(hertz, hertz * sqrt(free[-1, -1]))
+    term = LowPassTerm(best.low_pass.kind, coefficient, best.low_pass.floor)
+    return best, term, sqrt(free[n, n] / known[n, n])

@@ -10,8 +10,9 @@ from scipy.linalg import block_diag
 
 from imuloop.noise.processes import NAMES, covariances
 
-# blocks of a record; more would cost the cube, fewer would mix slow and fast noise
-BLOCKS = 512
+# blocks of a record, and of a piece, less than that; more would cost the cube, fewer would mix slow
+# and fast noise
+BLOCKS, LARGEST = 512, 577
 # samples of a block whose length is rounded up to one that is fast to transform
 LONG = 4096
 # share of the samples that whole blocks have to hold
@@ -34,45 +35,40 @@ def expected_squares(covariance):
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
     omega = np.pi * np.arange(1, n) / n
-    even = 2 * rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real
-    even -= n * covariance[..., :1]
+    even = 2 * rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real - n * covariance[..., :1]
     odd = -rfft(covariance, 2 * n)[..., 1:n].imag
     return (even - 2 * odd / np.sin(omega)) / n
 
 
-@dataclass(frozen=True)
-class _Level:
-    """Blocks of one level, and the contrasts of their means in which a walk is diagonal.
+def _contrasts(start, m):
+    """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
 
-    If no gap lies between the blocks, the contrasts are the cosine transform.
+    Takes the first sample of each block of m samples, (k,). In the contrasts a walk is diagonal.
+    If no gap lies between the blocks, they are the cosine transform, and the distances are those
+    from the first block, (k,). Otherwise the distances are those between all blocks, (k, k). They
+    are in samples.
     """
+    n = len(start)
+    if (np.diff(start) == m).all():
+        phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
+        return start - start[0], np.sqrt(2 / n) * np.cos(phase)
+    distance = np.abs(np.subtract.outer(start, start))
+    walk = -distance / 2.0
+    walk -= walk.mean(axis=0)
+    walk -= walk.mean(axis=1, keepdims=True)
+    # the level, the null direction of the walk, goes far above all others
+    top = 2 * np.trace(walk) + 1
+    return distance, np.linalg.eigh(walk + top / n)[1][:, -2::-1]
 
-    distance: np.ndarray  # samples from the first block, (k,), or with gaps between all, (k, k)
-    basis: np.ndarray  # contrasts, (k, k - 1)
 
-    @classmethod
-    def of(cls, start, m):
-        """Return the level of blocks of m samples that begin at the samples `start`, (k,)."""
-        n = len(start)
-        if (np.diff(start) == m).all():
-            phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-            return cls(start - start[0], np.sqrt(2 / n) * np.cos(phase))
-        distance = np.abs(np.subtract.outer(start, start))
-        walk = -distance / 2.0
-        walk -= walk.mean(axis=0)
-        walk -= walk.mean(axis=1, keepdims=True)
-        # the level, the null direction of the walk, goes far above all others
-        top = 2 * np.trace(walk) + 1
-        return cls(distance, np.linalg.eigh(walk + top / n)[1][:, -2::-1])
+def _squares(distance, contrasts, processes):
+    """Return the expected squares of the contrasts of a level, (c, k - 1).
 
-    def squares(self, covariances):
-        """Return the expected squares of the contrasts, (c, k - 1).
-
-        Takes c covariances of the means at the distances, each of the shape of `distance`.
-        """
-        if self.distance.ndim == 1:
-            return expected_squares([*covariances])
-        return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
+    Takes the results of `_contrasts`, and c covariances of the means at the distances.
+    """
+    if distance.ndim == 1:
+        return expected_squares([*processes])
+    return np.array([np.einsum("ik,ik->k", contrasts, c @ contrasts) for c in processes])
 
 
 @dataclass(frozen=True)
@@ -82,12 +78,12 @@ class _Piece:
     cycle: int
     place: np.ndarray  # index of the first value of each block in its Signal, (k,)
     start: np.ndarray  # first sample of each block, (k,)
-    levels: tuple[_Level, ...]
+    levels: list  # distances and contrasts of each level
 
     @cached_property
     def basis(self):
         """Contrasts of all levels, (k, s)."""
-        return block_diag(*(level.basis for level in self.levels))
+        return block_diag(*(contrasts for _, contrasts in self.levels))
 
 
 @dataclass(frozen=True)
@@ -180,22 +176,25 @@ class Modes:
         return self._gains[low_pass]
 
 
-def modes(samplings):
-    """Return the Modes of Samplings, one for each power cycle.
+def modes(signals):
+    """Return the Modes of Signals, with or without values, one for each power cycle.
 
     They have one rate, and at least one of them has two samples or more.
     """
-    closed = [sampling.closed_up() for sampling in samplings]
+    closed = [signal.closed_up() for signal in signals]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
-    m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
+    m = _block_length(np.concatenate([signal.lengths for signal in closed]))
     # blocks of one sample where each level has only one block, as in bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
     span = max(s.span for s in closed)
     low, high = np.log10([dt, max(span, 8 * dt)])
     correlation_times = 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
-    levels = [level for piece in pieces for level in piece.levels]
-    slow = [e.squares(covariances(e.distance, m, dt, correlation_times)) for e in levels]
+    slow = [
+        _squares(distance, contrasts, covariances(distance, m, dt, correlation_times))
+        for piece in pieces
+        for distance, contrasts in piece.levels
+    ]
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
     samples = [*covariances(np.arange(m), 1, dt, correlation_times)]
@@ -227,12 +226,12 @@ def _binned(values, first):
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
-def _level_times(sampling):
-    """Return the time from start to end of each level of a Sampling, s."""
-    first = np.flatnonzero(np.diff(sampling.levels, prepend=-1))
-    last = np.append(first[1:], len(sampling.levels)) - 1
-    samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
-    return samples / sampling.rate
+def _level_times(signal):
+    """Return the time from start to end of each level of a Signal, s."""
+    first = np.flatnonzero(np.diff(signal.levels, prepend=-1))
+    last = np.append(first[1:], len(signal.levels)) - 1
+    samples = signal.starts[last] + signal.lengths[last] - signal.starts[first]
+    return samples / signal.rate
 
 
 def _block_length(lengths):
@@ -249,20 +248,19 @@ def _block_length(lengths):
     return m
 
 
-def _pieces(samplings, m):
+def _pieces(signals, m):
     """Return the pieces of all power cycles that hold a contrast, for blocks of m samples."""
     pieces = []
-    for cycle, sampling in enumerate(samplings):
-        ends = np.cumsum(sampling.lengths)
-        stretches = zip(ends - sampling.lengths, ends - m + 1, strict=True)
+    for cycle, signal in enumerate(signals):
+        ends = np.cumsum(signal.lengths)
+        stretches = zip(ends - signal.lengths, ends - m + 1, strict=True)
         place = np.concatenate([np.arange(first, last, m) for first, last in stretches])
-        start = sampling.samples[place]
-        level = np.repeat(sampling.levels, sampling.lengths)[place]
-        few = -(-len(start) // (BLOCKS + BLOCKS // 8))
-        for part in np.array_split(np.arange(len(start)), max(few, 1)):
+        start = signal.samples[place]
+        level = np.repeat(signal.levels, signal.lengths)[place]
+        for part in np.array_split(np.arange(len(start)), len(start) // LARGEST + 1):
             # levels follow each other, so that a contrast of one is free of a walk in another
             ends = np.flatnonzero(np.diff(level[part])) + 1
             if len(part) > len(ends) + 1:
-                levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
+                levels = [_contrasts(each, m) for each in np.split(start[part], ends)]
                 pieces.append(_Piece(cycle, place[part], start[part], levels))
     return pieces

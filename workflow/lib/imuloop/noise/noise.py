@@ -61,7 +61,7 @@ def estimate_noise(device, sessions, settings, views=True):
     notes, estimates, rates, statistics, longest = [], {}, {}, {}, 0.0
     spectra = {session.name: [no_spectrum()] for session in sessions}
     for sensors, records in records_by_sensor(sessions, notes):
-        basis = modes([sampling for record in records for sampling in record.samplings])
+        basis = modes([cycle for record in records for cycle in record.cycles])
         rates |= dict.fromkeys(sensors, 1 / float(basis.dt))
         longest = max(longest, *(r.lengths.max() / r.rate for r in records))
         for axis in (axis for sensor in sensors for axis in SENSORS[sensor]):
@@ -69,13 +69,12 @@ def estimate_noise(device, sessions, settings, views=True):
             for record in records:
                 name, x = record.session.name, record.stretches(axis)
                 # attitude, and gravity with it, changes between rests: only the longest counts
-                counted = x if record.session.static else [max(x, key=len)]
-                figures = summary(counted, record.rate)
+                figures = summary(x if record.session.static else [max(x, key=len)], record.rate)
                 statistics.setdefault(name, {})[axis] = figures
                 if views and np.isfinite(figures["mean"]):
                     spectra[name].append(spectrum_table(axis, x, record.rate))
                 # two axes at once would need twice the memory
-                del x, counted
+                del x
     if not estimates:
         notes.append("no session holds a rest: no coefficient can be estimated")
     if unseen := [axis for axis, found in estimates.items() if not found.noise.K.identifiable]:
@@ -112,8 +111,7 @@ def _estimate(axis, records, basis, settings, notes):
     if estimate.misfit:
         notes.append(
             f"{axis}: over half a decade the spectrum differs from the terms by "
-            f"{100 * estimate.misfit:.2g} % (a filter, a hump, a trend), more than noise explains: "
-            "intervals are widened by it"
+            f"{100 * estimate.misfit:.2g} % (a hump, a trend); intervals are widened by it"
         )
     if low_pass := estimate.noise.low_pass:
         kind, corner, hertz = low_pass.kind, low_pass.corner.value, low_pass.interval_hz

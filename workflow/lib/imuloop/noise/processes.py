@@ -12,9 +12,10 @@ SHORT, NEAR = 64, 32
 def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of means over m samples for each process, SI, of the shape of `d`.
 
-    First come those for unit Q, N, B, K; then those of Gauss-Markov processes of variance 1, one
-    for each of the correlation times, s. `d` is the distance of two means in samples, 0 or m and
-    more, in an even record; `dt` is the interval of the samples in s. For single samples, m = 1:
+    The first four are for unit Q, N, B, K. The others are for Gauss-Markov processes of variance 1,
+    one for each of the correlation times, s. `d` is the distance of two means in samples, 0 or m
+    and more, in an even record; `dt` is the interval of the samples in s. For single samples, m is
+    1:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;

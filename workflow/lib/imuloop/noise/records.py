@@ -17,11 +17,11 @@ from imuloop.core.samples import (
     read_columns,
 )
 from imuloop.core.segments import DISTURBED, MOTION, STATIC, power_cycles
-from imuloop.noise.sampling import SPARSEST, Sampling
+from imuloop.noise.signal import SPARSEST, Signal
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
-# the usual step of time is the median of so many at most
+# the usual step of time is the median of the first PART steps
 PART = 1 << 20
 # least share of missing samples, and least change of temperature, K, that are worth a note
 LOST, TEMPERATURE_RANGE = 1e-3, 2.0
@@ -51,24 +51,24 @@ class Record:
 
     session: RecordedSession
     rows: tuple[list[slice], ...]  # rows of the samples in each stretch, for each power cycle
-    samplings: tuple[Sampling, ...]  # when the stretches were sampled, for each power cycle
+    cycles: tuple[Signal, ...]  # when the stretches were sampled, for each power cycle
     lost: float  # number of samples missing in gaps of a few, share of the samples that are there
 
     @property
     def rate(self):
         """Mean sampling rate, Hz."""
-        return self.samplings[0].rate
+        return self.cycles[0].rate
 
     @property
     def lengths(self):
         """Samples of each stretch, shape (s,); a gap of a few samples does not end a stretch."""
-        return np.concatenate([sampling.closed_up().lengths for sampling in self.samplings])
+        return np.concatenate([cycle.closed_up().lengths for cycle in self.cycles])
 
     def signals(self, name):
         """Return the Signal of a column for each power cycle, a list."""
         x = np.asarray(self.session.samples[name])
-        cycles = zip(self.samplings, self.rows, strict=True)
-        return [s.with_values(np.concatenate([x[rows] for rows in cycle])) for s, cycle in cycles]
+        values = [np.concatenate([x[rows] for rows in cycle]) for cycle in self.rows]
+        return [replace(s, values=x) for s, x in zip(self.cycles, values, strict=True)]
 
     def stretches(self, name):
         """Return the values of a column, an array for each of the stretches of `lengths`."""
@@ -84,9 +84,9 @@ def read_recorded(name, files):
 def record_of(session):
     """Return the Record of all rests of a session with two samples or more.
 
-    None if there is no such rest. A rest of a static session has the level of the rest before it,
-    unless a disturbance lies between. Each rest of another session has its own level. A lost sample
-    ends a stretch.
+    It is None if the session does not hold such a rest. A rest of a static session has the level of
+    the rest before it, unless a disturbance lies between. Each rest of another session has its own
+    level. A lost sample ends a stretch.
     """
     if not len(session.samples):
         return None
@@ -99,18 +99,18 @@ def record_of(session):
     level = disturbances if session.static else np.arange(len(first))
     stretches, lost, rate = _split_at_losses(t, first[used], last[used])
     first, last, rest = np.transpose(stretches)
-    level, cycles = level[used][rest], power_cycles(segments)[used][rest]
-    rows, samplings = [], []
-    for cycle in np.unique(cycles):
-        here = cycles == cycle
+    level, cycle = level[used][rest], power_cycles(segments)[used][rest]
+    rows, signals = [], []
+    for number in np.unique(cycle):
+        here = cycle == number
         i, lengths = first[here], (last - first)[here]
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(lengths) - lengths
         # time stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
         levels = np.unique(level[here], return_inverse=True)[1]
-        samplings.append(Sampling(rate, start, lengths, levels))
+        signals.append(Signal(rate, start, lengths, levels))
         rows.append([*map(slice, i, i + lengths)])
-    return Record(session, tuple(rows), tuple(samplings), lost)
+    return Record(session, tuple(rows), tuple(signals), lost)
 
 
 def _steadiest(segments):
@@ -201,18 +201,15 @@ def used_records(sessions):
             notes += [f"{name}: {note}" for note in _conditions(record)]
         else:
             other = f"{largest.session.name} with {largest.rate:.4g} Hz"
-            notes.append(f"{name} has {record.rate:.4g} Hz and is left out beside {other}")
+            notes.append(f"{name} has {record.rate:.4g} Hz and is left out, unlike {other}")
     return kept, notes
 
 
 def _conditions(record):
     """Yield notes on the gaps and the temperature of a Record, each a text."""
-    if jumps := len(record.samplings) - 1:
-        yield (
-            f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "
-            "each side is a record of its own"
-        )
-    if any(sampling.is_sparse for sampling in record.samplings):
+    if jumps := len(record.cycles) - 1:
+        yield f"{jumps} gap(s) longer than all that was recorded; noise is not followed across"
+    if any(cycle.is_sparse for cycle in record.cycles):
         yield f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
     if record.lost > LOST:
         yield (
@@ -223,7 +220,4 @@ def _conditions(record):
         values = np.concatenate([signal.values for signal in record.signals(TEMPERATURE)])
         low, high = np.fmin.reduce(values), np.fmax.reduce(values)
         if high - low > TEMPERATURE_RANGE:
-            yield (
-                f"temperature went from {low:.1f} to {high:.1f} degC; B, K and R hold the bias' "
-                "dependence on it"
-            )
+            yield f"temperature was {low:.1f} to {high:.1f} degC; B, K and R include its effect"

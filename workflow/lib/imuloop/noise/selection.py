@@ -24,10 +24,10 @@ LONGEST = 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
-# gain in log-likelihood that is none: fits end within it of the maximum
+# gain in log-likelihood that does not count: fits end as near to the maximum
 NOTHING = 1e-4
 # share of a session over which one level has to last before walk or ramp is told from flicker:
-# from short rests, each at its own level, it would be carried on over all that lies between
+# rests that are shorter, each at its own level, say little of the change between them
 LASTING = 1 / 8
 ORDER = (*NAMES, "R")
 
@@ -75,8 +75,7 @@ class Selection:
 
     def units(self, terms):
         """Return the expected mean squares for unit terms, all but a ramp, shape (r, p)."""
-        none = np.empty((len(self.modes.frequency), 0))
-        return np.column_stack([none, *map(self.unit, variances(terms))])
+        return np.column_stack([self.unit(term) for term in variances(terms)])
 
     def fit(self, terms, start=None):
         """Return the MaximumLikelihood of terms; `start` may hold variances near the maximum."""
@@ -102,9 +101,9 @@ class Selection:
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
-        if term == "R":
-            return chance
-        return min(1.0, chance / 2 * (1.0 if isinstance(term, str) else self.tests))
+        if isinstance(term, str):
+            return chance if term == "R" else chance / 2
+        return min(1.0, chance / 2 * (1 + TESTS * np.log10(self.times[-1] / self.times[0])))
 
     @property
     def times(self):
@@ -112,12 +111,6 @@ class Selection:
         times = self.modes.correlation_times
         longest = LONGEST * self.modes.usual
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
-
-    @property
-    def tests(self):
-        """Effective number of independent tests of the correlation times."""
-        times = self.times
-        return 1.0 if len(times) < 2 else 1 + TESTS * np.log10(times[-1] / times[0])
 
     @property
     def candidates(self):
@@ -129,30 +122,29 @@ class Selection:
     def supported(self):
         """The supported terms.
 
-        The first terms are those to which a non-negative fit gives a variance. The terms that fail
-        their test go, worst first. Then the term enters that passes best, a Gauss-Markov process
-        only if no other term does. Both are repeated until nothing changes.
+        White noise is the first. The terms that fail their test go, worst first. Then the term
+        enters that passes best, a Gauss-Markov process only if no other term does. Both are
+        repeated until nothing changes.
         """
-        first = variances(self.candidates)
-        fit = zip(first, self.fit(first).theta, strict=True)
-        terms, seen = tuple(name for name, variance in fit if variance > 0), []
+        terms, seen = ("N",), []
         while terms not in seen:
             seen.append(terms)
             terms = self._with_best_absent(self._without_failed(terms))
         return self._without_failed(terms)
 
     def _without_failed(self, terms):
-        """Return the terms without those that fail their test, the worst first."""
-        while len(terms) > 1:
-            p = {t: self.p_value(t, terms) for t in terms}
+        """Return the terms without those that fail their test, the worst first.
+
+        At least one variance stays.
+        """
+        while True:
+            p = {t: self.p_value(t, terms) for t in terms if variances(without(terms, t))}
             failed = [t for t in p if p[t] > self.level]
+            if not failed:
+                return terms
             # no sensor is without white noise: it goes last of those that fail
-            worst = max([t for t in failed if t != "N"] or failed, key=p.get, default=None)
-            rest = without(terms, worst)
-            if worst is None or not variances(rest):
-                break
-            terms = rest
-        return terms
+            worst = max([t for t in failed if t != "N"] or failed, key=p.get)
+            terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
         """Return the terms with that absent one which passes its test best, if one does."""
@@ -169,5 +161,4 @@ class Selection:
         # the most likely time between those that are tried
         step = self.modes.correlation_times[1] / self.modes.correlation_times[0]
         ends = tc / step**1.5, min(tc * step**1.5, LONGEST * self.modes.usual)
-        u = likeliest(lambda u: self.fit(plus(terms, float(np.exp(u)))).value, *np.log(ends))
-        return plus(terms, float(np.exp(u)))
+        return plus(terms, likeliest(lambda tc: self.fit(plus(terms, tc)).value, *ends))
