@@ -1,1 +1,1 @@
-"""Speed and accuracy beside what a user would pick instead, from the package registry."""
+"""Speed and accuracy compared with packages of the registry that a user could take instead."""
