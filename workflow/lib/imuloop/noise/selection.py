@@ -122,11 +122,11 @@ class Selection:
     def supported(self):
         """The supported terms.
 
-        White noise is the first. The terms that fail their test go, worst first. Then the term
-        enters that passes best, a Gauss-Markov process only if no other term does. Both are
-        repeated until nothing changes.
+        All candidates but a ramp are the first. The terms that fail their test go, worst first.
+        Then the term enters that passes best, a Gauss-Markov process only if no other term does.
+        Both are repeated until nothing changes.
         """
-        terms, seen = ("N",), []
+        terms, seen = variances(self.candidates), []
         while terms not in seen:
             seen.append(terms)
             terms = self._with_best_absent(self._without_failed(terms))
