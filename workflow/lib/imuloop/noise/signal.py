@@ -36,7 +36,7 @@ class Signal:
     levels: np.ndarray
     values: np.ndarray | None = None
 
-    @property
+    @cached_property
     def samples(self):
         """The number of each sample on the grid, shape (n,)."""
         before = np.cumsum(self.lengths) - self.lengths
