@@ -1,1 +1,1 @@
-"""Speed and accuracy, compared with other packages of the registry that users would take."""
+"""Speed and accuracy compared with packages of the registry that a user could take instead."""

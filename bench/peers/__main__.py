@@ -1,4 +1,4 @@
-"""Noise and calibration, compared with packages of the registry: `make bench`."""
+"""Noise and calibration compared with packages of the registry: `make bench`."""
 
 import argparse
 import os
@@ -25,7 +25,7 @@ ENVIRONMENT = {
 
 
 def contend(axes, environment):
-    """Yield contender, its seconds and its result, or None and the cause of its failure.
+    """Yield contender, its seconds and its result, or None and the reason of its failure.
 
     Each in its own process, imuloop in this environment, peers in their own.
     """

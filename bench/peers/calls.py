@@ -1,8 +1,8 @@
 """Each contender's call on the same data: ``calls NAME FOLDER``, in either environment.
 
-The folder holds `axes.npy`, shape (6, n), SI; imports and a first call on a short part are not
-timed. N, B and K of each axis, shape (6, 3), not-a-number where one is missing, go to ``NAME.npy``;
-printed are seconds of processor time.
+The folder holds `axes.npy`, shape (6, n), SI. Imports and a first call on a short part are not
+timed. N, B and K of each axis, shape (6, 3), go to ``NAME.npy``, not-a-number if the package does
+not give a value. The program prints seconds of processor time.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from bench.peers import log
 
 
 def session_of(axes, _):
-    """Return a log as the noise stage is given it, one rest."""
+    """Return the RecordedSession of axes, (6, n), SI: one rest."""
     import pandas as pd
 
     from imuloop.core.samples import CHANNELS
@@ -52,7 +52,7 @@ def noise_allan_variance(axes):
 
 
 def noise_allan_variance_analyzer(axes):
-    """What its `run` does, but all digits of each axis; B is the minimum, as it prints it."""
+    """Like its `run`, but with all digits of each axis; B is the minimum, as `run` prints it."""
     from allan_variance_analyzer import analysis
     from allan_variance_analyzer.statistics import compute_allan_variances
 
@@ -98,7 +98,8 @@ NOISE = {
     "allan-variance-analyzer": noise_allan_variance_analyzer,
     "dedrunk-cli": noise_dedrunk,
 }
-# argument of a call in place of the axes, made outside the time; steps that it repeats
+# functions that make the argument of a call from the axes, outside the time; and the number of
+# times that a call does the same work
 GIVEN = {"noise_imuloop": session_of, "noise_dedrunk": recordings_of}
 TIMES = {"noise_dedrunk": 3}
 

@@ -15,7 +15,7 @@ from imuloop.core.noise_model import (
     SinusoidTerm,
 )
 from imuloop.core.samples import CHANNELS
-from imuloop.noise.processes import gauss_markov_samples, sample_covariances
+from imuloop.noise.processes import covariances
 
 PROCESSES = {
     "quantisation": AxisNoise(Q=coefficient(0.3)),
@@ -48,12 +48,10 @@ def model(axis):
 
 def lag_covariance(axis, n, dt):
     """Return the covariance at lags of 0, 1, ... samples."""
-    q, w, b, k = sample_covariances(n, dt)
-    sizes = np.array([axis.Q.value or 0, axis.N.value or 0, axis.B.value or 0, axis.K.value or 0])
-    lags = sizes**2 @ np.array([q, w, b, k])
-    for term in axis.gauss_markov:
-        tc = term.tc.value
-        lags += term.q.value**2 * tc / 2 * gauss_markov_samples(n, dt, tc)
+    tcs = [term.tc.value for term in axis.gauss_markov]
+    squares = [axis.Q.square, axis.N.square, axis.B.square, axis.K.square]
+    squares += [term.q.square * term.tc.value / 2 for term in axis.gauss_markov]
+    lags = np.array(squares) @ np.array([*covariances(np.arange(n), 1, dt, tcs)])
     for term in axis.sinusoid:
         phase = 2 * np.pi * term.frequency.value * dt * np.arange(n)
         lags += term.amplitude.value**2 / 2 * np.cos(phase)

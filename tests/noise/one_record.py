@@ -1,5 +1,7 @@
 """One unbroken record of an axis: its estimate, and the lines that are found in it with 90 %."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import lfilter
@@ -8,8 +10,8 @@ from scipy.special import betaincinv, chndtrinc
 from imuloop.noise.axis import estimate_axis
 from imuloop.noise.modes import modes
 from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
-from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.signal import Signal
 
 # chance of finding what lies at one limit
 PROBABILITY = 0.9
@@ -18,13 +20,13 @@ LEVEL = NoiseSettings().significance
 
 
 def unbroken(rate, samples):
-    """Return the Sampling of one stretch."""
-    return Sampling(rate, *np.array([[0], [samples], [0]]))
+    """Return the Signal of one stretch, without values."""
+    return Signal(rate, *np.array([[0], [samples], [0]]))
 
 
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of `x`, shape (n,), of `rate` in Hz."""
-    signal = unbroken(rate, len(x)).with_values(np.asarray(x, float))
+    signal = replace(unbroken(rate, len(x)), values=np.asarray(x, float))
     return estimate_axis(modes([signal]), [signal], settings)
 
 
@@ -35,7 +37,7 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
     """
     n, rng = sampling.lengths.sum(), np.random.default_rng(0)
-    noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
+    noise = Periodogram.of(replace(sampling, values=rng.standard_normal(n)), density)
     _, m = noise.noise(frequency)
     ratio = brentq(
         lambda x: chance_over_band(chance_at_one(x, m), noise.independent) - level, 0.1, 1e6

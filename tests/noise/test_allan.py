@@ -20,7 +20,7 @@ SETTINGS, RATE = NoiseSettings(), 50.0
 
 
 def session(x, rows, kinds=("static",), kind="static"):
-    """Return a session with `x` on every axis, and one after the other segments of so many rows."""
+    """Return a session with `x` on every axis; `rows` are the rows of its segments, in order."""
     samples = pd.DataFrame({"t": np.arange(len(x)) / RATE} | dict.fromkeys(CHANNELS, x))
     edges = np.cumsum([0, *rows]) / RATE
     segments = segment_table(samples, edges[:-1], edges[1:], kinds, range(len(kinds)))

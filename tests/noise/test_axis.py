@@ -8,8 +8,8 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise import gains
 from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
-from imuloop.noise.sampling import Signal
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.signal import Signal
 from imuloop.simulate.noise import flicker, quantisation, ramp, walk, white
 from noise.one_record import estimate_record, gauss_markov, line_limit, unbroken
 from seeds import least_count, seeds
@@ -37,7 +37,7 @@ BASIS = modes([WHOLE])
 
 def estimates(seeds, **truth):
     records = (record(seed, **truth) for seed in range(seeds))
-    return [estimate_axis(BASIS, [WHOLE.with_values(x)], SETTINGS).noise for x in records]
+    return [estimate_axis(BASIS, [replace(WHOLE, values=x)], SETTINGS).noise for x in records]
 
 
 def held(coefficients, truth):
@@ -120,7 +120,7 @@ def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
 def short_lines(seed, amplitude=0.0, **truth):
     """Return the lines of a record of 400 s with four periods of a sinusoid."""
     x = record(seed, n=4000, line=(amplitude, 0.01), **truth)
-    return find_lines(SHORT_BASIS, [SHORT.with_values(x)], SETTINGS)[0]
+    return find_lines(SHORT_BASIS, [replace(SHORT, values=x)], SETTINGS)[0]
 
 
 @seeds(5, 20)

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imuloop.noise.lines import find_line, mains
-from imuloop.noise.sampling import Signal
+from imuloop.noise.signal import Signal
 from noise.one_record import line_limit
 from seeds import least_count, seeds
 

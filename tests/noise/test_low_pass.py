@@ -1,4 +1,4 @@
-"""N, B and K in front of a low-pass filter, which is named; what is not one is not taken for it."""
+"""N, B and K in front of a low-pass filter, which is named; other bends are not taken for one."""
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ SETTINGS = NoiseSettings()
 
 
 def filter_notes(log, kind):
-    """Return what the noise of a log says of a low-pass filter."""
+    """Return the notes on low-pass filters in the noise of a log."""
     segments, _ = segment_session(log, kind, SegmentSettings())
     session = RecordedSession("log", kind, log, segments)
     found = estimate_noise("imu", [session], NoiseSettings(), views=False)
@@ -51,7 +51,7 @@ def white(rng, seconds, rate=RATE):
 
 
 def filtered(order, corner, x):
-    """Return what a digital Butterworth filter leaves of x, without its start."""
+    """Return x behind a digital Butterworth filter, without its start."""
     return lfilter(*butter(order, 2 * corner), x)[2000:]
 
 
@@ -91,7 +91,7 @@ def quantised(rng):
     return white(rng, 600) + quantisation(120_000, 1 / RATE, 1e-4, rng)
 
 
-# what is logged, how its name begins, and the frequency that is reported, Hz
+# by name: function that makes the log, kind of filter or None, and the frequency reported, Hz
 OTHERS = {
     "nothing": (lambda rng: white(rng, 600), None, None),
     "a hump": (hump, None, None),

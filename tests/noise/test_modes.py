@@ -1,35 +1,32 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
 from imuloop.noise.modes import expected_squares, modes
-from imuloop.noise.processes import (
-    block_mean_covariances,
-    gauss_markov_means,
-    gauss_markov_samples,
-    sample_covariances,
-)
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.processes import covariances
+from imuloop.noise.signal import Signal
 
 
 def distances(starts):
     return np.abs(np.subtract.outer(starts, starts))
 
 
-BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
+BROKEN = Signal(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
 
 def broken(x):
     """Return the Signal of what BROKEN keeps of 1900 samples."""
     ends = zip(BROKEN.starts, BROKEN.lengths, strict=True)
-    return BROKEN.with_values(np.concatenate([x[start : start + n] for start, n in ends]))
+    return replace(BROKEN, values=np.concatenate([x[start : start + n] for start, n in ends]))
 
 
 @pytest.mark.parametrize("n", [2, 63, 64])
 def test_expected_squares_are_those_of_the_dense_transform(n):
     omega = np.pi * np.arange(1, n) / n
     cosine = np.sqrt(2 / n) * np.cos(np.outer(omega, np.arange(n) + 0.5))
-    for row in (*sample_covariances(n, 0.1), gauss_markov_samples(n, 0.1, 0.7)):
+    for row in covariances(np.arange(n), 1, 0.1, [0.7]):
         dense = np.einsum("ki,ij,kj->k", cosine, toeplitz(row), cosine)
         assert expected_squares(row) == pytest.approx(dense, rel=1e-9, abs=1e-9 * abs(row).max())
 
@@ -40,15 +37,10 @@ def test_covariance_of_means_is_that_of_samples_averaged():
     place, contrast = np.arange(45), np.eye(4) - 0.25
     # takes samples to means of blocks
     average = ((place >= starts[:, None]) & (place < starts[:, None] + m)) / m
-    samples = sample_covariances(45, dt)
-    means = block_mean_covariances(distances(starts), m, dt)
-    for process in range(4):
-        dense = average @ toeplitz(samples[process]) @ average.T
-        assert contrast @ means[process] @ contrast == pytest.approx(
-            contrast @ dense @ contrast, rel=1e-9, abs=1e-9
-        )
-    dense = average @ toeplitz(gauss_markov_samples(45, dt, 1.3)) @ average.T
-    assert gauss_markov_means(distances(starts), m, dt, 1.3) == pytest.approx(dense, rel=1e-9)
+    samples = covariances(np.arange(45), 1, dt, [1.3])
+    for row, means in zip(samples, covariances(distances(starts), m, dt, [1.3]), strict=True):
+        dense = contrast @ average @ toeplitz(row) @ average.T @ contrast
+        assert contrast @ means @ contrast == pytest.approx(dense, rel=1e-9, abs=1e-9)
 
 
 def test_mean_squares_of_a_broken_record_are_as_expected():

@@ -23,7 +23,7 @@ DENSITY = dict(zip(CHANNELS, (0.01, 0.02, 0.03, 1e-3, 2e-3, 3e-3), strict=True))
 
 
 def session(name="rest", kind="static", length=6000, rate=50.0, seed=0, rests=None, **columns):
-    """Return a session of white noise; `columns` in place of its own, a number for a constant."""
+    """Return a session of white noise; `columns` replace its columns, a number is a constant."""
     rng = np.random.default_rng(seed)
     samples = pd.DataFrame({"t": np.arange(length) / rate})
     for axis, density in DENSITY.items():

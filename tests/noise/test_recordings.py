@@ -17,7 +17,7 @@ def assert_no_walk_by_another_name(samples, axis):
     """Assert that no process lasts longer than rests show, and that all intervals hold values."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     record = record_of(RecordedSession("poses", "multi_position", samples, segments))
-    basis = modes(record.samplings)
+    basis = modes(record.cycles)
     noise = estimate_axis(basis, record.signals(axis), NoiseSettings()).noise
     assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]
     for process in noise.gauss_markov:

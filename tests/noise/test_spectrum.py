@@ -4,11 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.noise.spectrum import (
-    COLUMNS,
-    no_spectrum,
-    spectrum_table,
-)
+from imuloop.noise.spectrum import COLUMNS, no_spectrum, spectrum_table
 from seeds import seeds
 
 RATE = 50.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from imuloop.noise.statistics import summary
+from imuloop.noise.noise import summary
 
 
 def test_figures_of_a_known_sequence():

@@ -23,7 +23,7 @@ from imuloop.export.export import write_exports
 from imuloop.model.calibration import Calibration
 from imuloop.model.effect import FittedEffect
 from imuloop.model.sensor_calibration import SensorCalibration
-from imuloop.noise.noise import no_noise
+from imuloop.noise.spectrum import no_spectrum
 from imuloop.report.findings import UNTESTED
 from imuloop.validate.attitude import no_attitude
 from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
@@ -117,7 +117,7 @@ def _session(folder, device, session, kind, rng):
         allan = allan[:0]
     allan.to_parquet(path / "allan.parquet")
     if session == next(iter(DEVICES[device][1])):
-        spectra = pd.DataFrame(no_noise(device, [session]).spectra[session])
+        spectra = pd.DataFrame(no_spectrum())
         if device == "board":
             spectra = plausible_spectra(samples, RATE)
         spectra.assign(session=session).to_parquet(path.parent / "spectra.parquet")

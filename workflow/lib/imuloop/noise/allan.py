@@ -19,7 +19,7 @@ COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # the deviation between them; quantisation alone has many degrees of freedom at long times, so that
 # no other noise may be taken for it
 EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
-# a slope is taken over averaging times up to so many times shorter and longer
+# a slope is measured from averaging times that are shorter by this factor to times longer by it
 REACH = 5.0
 # terms that AllanTools sums at a time: its temporaries fit the cache, for half the time
 PIECE = 1 << 17
@@ -28,9 +28,8 @@ PIECE = 1 << 17
 def session_curves(session, settings, stage="raw"):
     """Return the Allan curves of the rests of a RecordedSession as rows of allan.parquet.
 
-    Takes NoiseSettings and what the rows are to hold as their stage. Each sensor is on its own
-    clock. There are no rows where the session holds no rest, or where AllanTools, an extra, is not
-    installed.
+    Takes NoiseSettings, and the text of the column `stage`. Each sensor is on its own clock. The
+    table is empty if the session does not hold a rest, or if AllanTools, an extra, is missing.
     """
     parts = [no_curves()]
     by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
@@ -69,8 +68,8 @@ def allan(values, rate):
     Raises
     ------
     ImuloopError
-        If the values are no table of numbers, one is not finite, there are too few, or the rate is
-        not above 0.
+        If the values are not a table of finite numbers, if they are too few, or if the rate is not
+        above 0.
     ModuleNotFoundError
         If AllanTools is not installed.
     """
@@ -94,7 +93,7 @@ def allan(values, rate):
 def allan_curve(stretches, rate, settings):
     r"""Return the overlapping Allan deviation of an axis, with its 95 % interval.
 
-    By chi-square: with ν equivalent degrees of freedom, :math:`\nu s^2/\sigma^2` follows it.
+    With ν equivalent degrees of freedom, :math:`\nu s^2/\sigma^2` is a chi-square variable.
 
     Takes evenly sampled stretches of the output, any unit, and the rate, Hz.
 
@@ -113,9 +112,10 @@ def allan_curve(stretches, rate, settings):
 
 
 def averaging_factors(length, settings):
-    """Return log-spaced averaging factors m, tau = m / rate, for the longest stretch's samples.
+    """Return averaging factors, numbers of samples m, with tau = m / rate, shape (k,).
 
-    Ascending from 1, shape (k,); empty where the stretch is too short for any.
+    They ascend from 1 in equal steps of the logarithm. `length` is the number of samples of the
+    longest stretch. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -140,8 +140,8 @@ def allan_variance(stretches, factors):
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
     Takes evenly sampled stretches of any unit and averaging factors m, ascending. No term reaches
-    over the end of a stretch, so that what lies between two of them, be it a gap, a knock or a
-    lasting change of level, does not enter. Not-a-number where no stretch is long enough.
+    over the end of a stretch. So a gap, a knock or a change of level between two stretches does not
+    matter. The variance is not-a-number where no stretch is long enough.
 
     References
     ----------
@@ -202,9 +202,9 @@ def degrees_of_freedom(variance, factors, lengths):
 def noise_exponents(variance, factors):
     """Return the exponent of the power spectrum that the slope shows at each point, shape (k,).
 
-    Takes the Allan variance at averaging `factors`, shape (k,). The slope at a factor is that of
-    the deviation on logarithmic scales, from `REACH` times shorter to as much longer. White noise
-    where there is no slope.
+    Takes the Allan variance at averaging `factors`, shape (k,). The slope at a factor is measured
+    between the deviations at averaging times `REACH` times shorter and longer, on logarithmic
+    scales. The exponent is 0, of white noise, where the slope is not known.
     """
     if len(factors) < 2 or not np.all(variance > 0):
         return np.zeros(len(factors), dtype=int)
@@ -212,7 +212,7 @@ def noise_exponents(variance, factors):
     low, high = np.maximum(x - np.log(REACH), x[0]), np.minimum(x + np.log(REACH), x[-1])
     slope = (np.interp(high, x, y) - np.interp(low, x, y)) / (high - low)
     exponents = np.take(EXPONENTS, np.digitize(slope, SLOPES))
-    # quantisation falls fastest: where another noise has shown, it shows no more
+    # quantisation falls fastest: at times longer than one where another noise shows, it is hidden
     return np.where(np.logical_or.accumulate(exponents <= 0), np.minimum(exponents, 0), exponents)
 
 

@@ -1,81 +1,63 @@
 """Low-pass filters before the output of a sensor: their power gain for noise before them."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.fft import rfft
+from scipy.fft import irfft, rfft
 from scipy.interpolate import BSpline
 
 from imuloop.core.noise_model import DEGREES, HALF_POWER
 
-# number of frequencies from 0 to half the output rate at which a gain is computed
-POINTS = 4097
+# frequencies from 0 to half the rate, shares of the rate, between which gains are interpolated
+GRID = np.linspace(0, 0.5, 4097)
 
 
-def _butterworth(order):
-    """Return the power gain of a digital Butterworth filter (bilinear transform), a function.
+def _butterworth(order, frequency, corner):
+    """Return the power gain of a digital Butterworth filter (bilinear transform)."""
+    ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
+    return 1 / (1 + ratio ** (2 * order))
 
-    It takes frequencies and the corner, shares of the rate.
+
+def _moving_average(frequency, corner):
+    """Return the power gain of an exponential moving average.
+
+    It is the sum of all aliases of a sampled analogue filter of first order.
     """
-
-    def gain(frequency, corner):
-        ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
-        return 1 / (1 + ratio ** (2 * order))
-
-    return gain
+    phi = np.exp(-2 * np.pi * corner)
+    return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
 
 
-def _sampled_butterworth(order):
-    """Return the power gain of a sampled analogue Butterworth filter with its aliases, a function.
-
-    It takes frequencies and the corner, shares of the rate.
-    """
-
-    def gain(frequency, corner):
-        if order == 1:
-            # the sum of all aliases is the gain of an exponential moving average
-            phi = np.exp(-2 * np.pi * corner)
-            return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
-        alias = np.arange(-20, 21)
-        power = 1 / (1 + ((np.append(0.0, frequency)[:, None] + alias) / corner) ** (2 * order))
-        total = power.sum(axis=1)
-        return total[1:] / total[0]
-
-    return gain
+def _second_order_sampled(frequency, corner):
+    """Return the power gain of a sampled analogue Butterworth filter of order two, with aliases."""
+    shares = (np.append(0.0, frequency)[:, None] + np.arange(-20, 21)) / corner
+    power = (1 / (1 + shares**4)).sum(axis=1)
+    return power[1:] / power[0]
 
 
-def _spline(degree):
-    """Return the power gain of values that were held, averaged or interpolated, a function.
+def _spline(degree, frequency, corner):
+    """Return the power gain of values that were held, averaged or interpolated.
 
     White noise of a sensor that is resampled in such a way has an autocorrelation that is a
     B-spline of the lag, in intervals of the sensor or of the average. Its degree is 1 for values
     that are held or averaged, 3 for values that are interpolated, and 5 for values that are
     averaged three times. The power gain is the Fourier transform of the autocorrelation.
-
-    The function takes frequencies and the corner, shares of the output rate.
     """
-    knots = np.arange(degree + 2) - (degree + 1) / 2
-    spline = BSpline.basis_element(knots, extrapolate=False)
-
-    def gain(frequency, corner):
-        lag = np.arange(POINTS) * corner / HALF_POWER[degree]
-        covariance = np.nan_to_num(spline(lag))
-        total = 2 * rfft(covariance, 2 * (POINTS - 1)).real - covariance[0]
-        grid = np.linspace(0, 0.5, POINTS)
-        return np.interp(frequency, grid, np.maximum(total, 0.0) / total[0])
-
-    return gain
+    spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
+    covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
+    total = 2 * rfft(covariance, 2 * (len(GRID) - 1)).real - covariance[0]
+    return np.interp(frequency, GRID, np.maximum(total, 0.0) / total[0])
 
 
-# power gain of each kind, a function of frequency and corner, both shares of the rate
+# power gain of each kind, a function of frequencies, (k,), and the corner, shares of the rate
 GAINS = {
-    "first order": _butterworth(1),
-    "first order, sampled": _sampled_butterworth(1),
-    "second order": _butterworth(2),
-    "second order, sampled": _sampled_butterworth(2),
-    "fourth order": _butterworth(4),
-    "eighth order": _butterworth(8),
-    **{kind: _spline(degree) for kind, degree in DEGREES.items()},
+    "first order": partial(_butterworth, 1),
+    "first order, sampled": _moving_average,
+    "second order": partial(_butterworth, 2),
+    "second order, sampled": _second_order_sampled,
+    "fourth order": partial(_butterworth, 4),
+    "eighth order": partial(_butterworth, 8),
+    **{kind: partial(_spline, degree) for kind, degree in DEGREES.items()},
 }
 
 
@@ -88,9 +70,18 @@ class LowPass:
     floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
     def gain(self, frequency):
-        """Return the power gain, (k,), at frequencies, (k,), shares of the rate up to 0.5."""
-        gain = GAINS[self.kind](np.asarray(frequency, float), self.corner)
-        return self.floor + (1 - self.floor) * gain
+        """Return the power gain, (k,), at frequencies, (k,), shares of the rate.
+
+        Frequencies above half the rate have the gain of half the rate.
+        """
+        frequency = np.minimum(np.asarray(frequency, float), 0.5)
+        return self.floor + (1 - self.floor) * GAINS[self.kind](frequency, self.corner)
+
+    def autocovariance(self, count):
+        """Return the covariance of filtered white noise of variance 1 at lags 0 ... count - 1."""
+        covariance = np.zeros(max(count, len(GRID)))
+        covariance[: len(GRID)] = irfft(self.gain(GRID))[: len(GRID)]
+        return covariance[:count]
 
 
 def term_gain(term, f, rate):

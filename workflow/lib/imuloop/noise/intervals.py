@@ -1,168 +1,93 @@
 """Coefficients with intervals, and upper limits of those that are not supported."""
 
-from functools import cache
-from math import exp, log, sqrt
+from functools import cache, reduce
+from math import copysign, exp, log, sqrt
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
-from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
+from imuloop.noise.selection import ORDER, correlation_times, plus, variances, without
 
+# ends of an interval of 95 %, and limits of 95 % to one and to either side, in standard errors
+LOW, HIGH, LIMIT, EITHER = -1.959964, 1.959964, 1.644854, 1.959964
 # share to which an end of an interval is known
 CLOSE = 1e-5
-# steps of the logarithm of a coefficient in which an end is looked for
+# steps of the logarithm of a coefficient in which an end is searched for
 STEPS = 0.1 * 4.0 ** np.arange(5)
-# areas below do not matter
-TINY = 1e-300
-# terms that may stand in for each other: intervals are averaged over models with and without them,
-# but for models of less weight than this share
-FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 # shift of the logarithm of a correlation time by which a derivative is taken
 SHIFT = 1e-3
-# share of the spectrum where it is lowest that a term which is not there may have, as a root
+# least coefficient at which a profile begins: share of the amplitude spectrum where it is lowest
 SMALL = 1e-3
 
 
 def coefficients_with_intervals(selection, terms, wider=1.0):
-    r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
+    """Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
-    Values are those of the supported terms alone, so that together they are the spectrum that
-    was found. An interval has to allow for terms that are too weak to pass and for one that
-    stands where another is true: it ends where the tail areas of all models m with or without
-    flicker, walk and ramp,
+    Values are estimated with the supported terms alone, so that together they describe the
+    spectrum. Another term may be too weak to pass its test, or may be true in place of a supported
+    one. So intervals and limits come from a wider model, which also holds white noise, flicker,
+    walk and ramp. For Q, N, B, K and R they are ends of the profile likelihood. For Gauss-Markov
+    processes they follow from the information matrix.
 
-    .. math:: \sum_m w_m \Phi\left(\pm\sqrt{2 (\ell_m - \ell_m(x))}\right),
-        \quad w_m \propto e^{\ell_m - k_m},
-
-    reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
-    models of k terms are Akaike's.
-
-    Where there is a filter, N depends on its corner: its interval is `wider`
-    times as long on a logarithmic scale. Those of Gauss-Markov processes
-    are by the information matrix beside white noise, flicker and walk.
-
-    References
-    ----------
-    D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.
+    If there is a filter, N depends on its corner: the interval of N is `wider` times as long on a
+    logarithmic scale.
     """
-    fit = selection.fit(terms)
+    wide = reduce(plus, [name for name in selection.candidates if name != "Q"], terms)
+    fit, coefficients = selection.fit(terms), {}
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients = {}
     for name in ORDER:
-        models = _models(selection, terms, name)
-        profiles = [_profile(selection, name, model) for model in models]
-        if name in terms:
-            value = float(abs(fit.ramp) if name == "R" else np.sqrt(theta[name]))
-            deviate, near = _tail(profiles)
-            ends = [_crossing(deviate, value or near, area) for area in (0.025, 0.975, 0.95)]
-            if name == "N":
-                ends = [value * (end / value) ** wider if value else end for end in ends]
-            low, high, upper = min(ends[0], value), max(ends[1], value), max(ends[2], value)
-            coefficients[name] = Coefficient(value, (low, high), upper, True)
-        else:
-            # a ramp has either sign, so that the limit of the likelier one is a two-sided one
-            limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
+        deviate, start = _profile(selection, plus(wide, name), name)
+        if name not in terms:
+            # the sign of a ramp is not known
+            limit = _crossing(deviate, start, EITHER if name == "R" else LIMIT)
             coefficients[name] = Coefficient(None, None, limit, False)
-    processes = (_process(selection, terms, tc, fit) for tc in correlation_times(terms))
+            continue
+        value = float(abs(fit.ramp) if name == "R" else np.sqrt(theta[name]))
+        start = log(value) if value else start
+        low, high, upper = (_crossing(deviate, start, wanted) for wanted in (LOW, HIGH, LIMIT))
+        if name == "N" and value:
+            low, high, upper = (value * (end / value) ** wider for end in (low, high, upper))
+        ends = min(low, value), max(high, value)
+        coefficients[name] = Coefficient(value, ends, max(upper, value), True)
+    processes = [_process(selection, terms, wide, tc) for tc in correlation_times(terms)]
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
 
-def _models(selection, terms, name):
-    """Return the models that hold a term: with and without each of those that may stand in.
+def _profile(selection, model, name):
+    """Return the profile likelihood of a coefficient in a model that holds it.
 
-    A model in which such a term is estimated as zero is left out: it is the model without it.
-    """
-    free = tuple(t for t in FREE if t in selection.candidates and t != name)
-    models = [plus(plus(tuple(t for t in terms if t not in free), "N"), name)]
-    for t in free:
-        models += [plus(model, t) for model in models]
-
-    def gain(t, model):
-        return selection.fit(model).restricted - selection.fit(without(model, t)).restricted
-
-    tested = variances(free)
-    return [m for m in models if all(gain(t, m) > NOTHING for t in tested if t in m)]
-
-
-def _profile(selection, name, model):
-    """Return the profile likelihood of a coefficient in a model.
-
-    Returns the logarithm of the model's weight; where to look for ends, the likeliest value or the
-    standard error where that is larger, SI; and a function. The function takes a value of the
-    coefficient, SI, and returns the signed root of twice the log-likelihood that it costs.
+    Returns a function and where to begin on its scale: at the likeliest coefficient, or at its
+    standard error if that is larger. The function takes the logarithm of the coefficient in SI. It
+    returns the root of twice the log-likelihood lost against the maximum: standard errors above
+    the likeliest coefficient, negative below it.
     """
     rest, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
     units, expected = selection.units(rest), selection.units(model) @ fit.theta
     if name == "R":
         unit, start, top = 0.0, fit.theta, likelihood.fit(units, fit.ramp).value
-        best, size = abs(fit.ramp), 1 / sqrt(likelihood.information(expected))
+        best, error = abs(fit.ramp), 1 / sqrt(likelihood.ramp(expected)[1])
     else:
-        unit, place, top = selection.unit(name), model.index(name), fit.restricted
-        # small beside what is there, where another takes its place
+        unit, place, top = selection.unit(name), variances(model).index(name), fit.restricted
         best = max(sqrt(fit.theta[place]), SMALL * sqrt(np.min(expected / unit)))
         start = np.delete(fit.theta, place)
-        size = likelihood.covariance(unit[:, None], expected)[0, 0] ** 0.25
-    known = {best: start}
-
-    def deviate(x):
-        ramp = np.copysign(x, fit.ramp) if name == "R" else None if "R" in rest else 0.0
-        # from the nearest value at which the likelihood is known
-        nearest = known[min(known, key=lambda other: abs(other - x))]
-        found = likelihood.fit(units, ramp, x**2 * unit, nearest)
-        known[x] = found.theta
-        return np.copysign(sqrt(2 * max(top - found.restricted, 0.0)), x - best)
-
-    return fit.value - len(model), max(best, size), deviate
-
-
-def _process(selection, terms, tc, fit):
-    """Return a Gauss-Markov process, its errors beside white noise, flicker, walk and others."""
-    variance = fit.theta[variances(terms).index(tc)]
-    wide, times = terms, selection.modes.correlation_times
-    for name in ("N", "B", "K"):
-        wide = plus(wide, name) if name in selection.candidates else wide
-    unit = variance * selection.unit(tc)
-    change = (variance * selection.unit(tc * exp(SHIFT)) - unit) / SHIFT
-    columns = np.column_stack([unit, change, selection.units(without(wide, tc))])
-    errors = selection.likelihood.covariance(columns, selection.units(terms) @ fit.theta)[:2, :2]
-    # of the logarithms of q = sqrt(2 v/tc) and tc
-    q_error, tc_error = (sqrt(w @ errors @ w) for w in (np.array([0.5, -0.5]), np.array([0, 1.0])))
-    q, ends = sqrt(2 * variance / tc), tc * np.exp(tc_error * np.array([-1.96, 1.96, 1.645]))
-    low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
-    return GaussMarkovTerm(
-        Coefficient.of(q, q * q_error), Coefficient(tc, (low, high), upper, True)
-    )
-
-
-def _tail(profiles):
-    """Return the tail area below a coefficient, averaged over models, and where to look for ends.
-
-    Takes the results of `_profile` for each model. The area is a function of the logarithm of the
-    coefficient. It is a normal deviate, which is nearly straight. Where to look is a value of the
-    coefficient, that of the heaviest model.
-    """
-    weights, values, deviates = zip(*profiles, strict=True)
-    weight = np.exp(np.array(weights) - max(weights))
-    weight[weight <= NEGLIGIBLE * weight.sum()] = 0.0
-    weight /= weight.sum()
+        error = likelihood.covariance(unit[:, None], expected)[0, 0] ** 0.25
 
     @cache
     def deviate(u):
-        roots = [each(exp(u)) if w else 0.0 for each, w in zip(deviates, weight, strict=True)]
-        below, above = (max(weight @ ndtr(sign * np.array(roots)), TINY) for sign in (1, -1))
-        return float(ndtri(below) if below < above else -ndtri(above))
+        x, free = exp(u), None if "R" in rest else 0.0
+        ramp = copysign(x, fit.ramp) if name == "R" else free
+        value = likelihood.fit(units, ramp, x**2 * unit, start).restricted
+        return copysign(sqrt(2 * max(top - value, 0.0)), x - best)
 
-    return deviate, values[weight.argmax()]
+    return deviate, log(max(best, error))
 
 
-def _crossing(deviate, near, area):
-    """Return the value of a coefficient at which the tail area is `area`; 0 if there is none.
+def _crossing(deviate, u, wanted):
+    """Return the coefficient, SI, at which a profile has a wanted value, or 0.
 
-    Takes the results of `_tail`.
+    Takes the two results of `_profile`. The result is 0 if the profile never has that value.
     """
-    wanted, u = float(ndtri(area)), log(near)
     rising = deviate(u) <= wanted
     for step in STEPS:
         beyond = u + (step if rising else -step)
@@ -170,3 +95,19 @@ def _crossing(deviate, near, area):
             return exp(brentq(lambda u: deviate(u) - wanted, u, beyond, xtol=CLOSE))
         u = beyond
     return 0.0
+
+
+def _process(selection, terms, wide, tc):
+    """Return the GaussMarkovTerm of a correlation time, s, with intervals in a wider model."""
+    fit = selection.fit(terms)
+    variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times
+    unit = variance * selection.unit(tc)
+    change = (variance * selection.unit(tc * exp(SHIFT)) - unit) / SHIFT
+    # derivatives by the logarithms of q and tc; the variance is q^2 tc/2
+    columns = np.column_stack([2 * unit, unit + change, selection.units(without(wide, tc))])
+    errors = selection.likelihood.covariance(columns, selection.units(terms) @ fit.theta)
+    q, q_error, tc_error = sqrt(2 * variance / tc), sqrt(errors[0, 0]), sqrt(errors[1, 1])
+    ends = tc * np.exp(tc_error * np.array([LOW, HIGH, LIMIT]))
+    low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
+    time = Coefficient(tc, (low, high), upper, True)
+    return GaussMarkovTerm(Coefficient.of(q, q * q_error), time)

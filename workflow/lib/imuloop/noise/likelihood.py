@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import exp
 
 import numpy as np
 from scipy.optimize import fminbound, nnls
 
-# the fit ends where the log-likelihood grows by less, or after so many rounds
+# the fit ends when the log-likelihood grows by less than CLOSE, or after ROUNDS rounds
 CLOSE, ROUNDS = 1e-6, 100
 # shares of a step that are tried until the likelihood grows
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
@@ -19,19 +20,25 @@ def weighted_nnls(units, target, weight):
 
     Takes the matrix U, (r, p), whose columns may have any size; y and the weight w, (r,).
     """
-    if not units.shape[1]:
-        # scipy's nnls ends the process
-        return np.zeros(0)
     root = np.sqrt(weight)
-    columns = units * root[:, None]
+    columns, size = _normalised(units * root[:, None])
+    return nnls(columns, root * target)[0] / size
+
+
+def _normalised(columns):
+    """Return columns, (r, p), over their norms, and the norms, (p,); 1 for a column of zeros."""
     size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    return nnls(columns / size, root * target)[0] / size
+    size[size == 0] = 1.0
+    return columns / size, size
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return where a function of a number is largest between two ends, right within `close`."""
-    return float(fminbound(lambda u: -log_likelihood(u), low, high, xtol=close))
+    """Return where a function of a positive number is largest between two ends.
+
+    The result is right within the relative error `close`.
+    """
+    ends = np.log([low, high])
+    return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,7 @@ class MaximumLikelihood:
     theta: np.ndarray  # factors of the unit spectra, (p,), none negative
     ramp: float  # SI/s; 0 where it was not fitted
     value: float  # log-likelihood, without its constant
-    restricted: float  # the same, or the restricted one where a ramp was fitted
+    restricted: float  # the restricted log-likelihood where a ramp was fitted, else `value`
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class Likelihood:
 
     p are the mean squares of n values, and s those expected for the unit spectra U and the
     variances :math:`\theta`. In the slow modes, :math:`p = (c - R \rho)^2` for amplitudes c and a
-    ramp R. The weights w are 1 unless the spectrum leaves the model beyond chance.
+    ramp R. The weights w are 1 unless the model does not fit the spectrum (`noise.misfit`).
 
     Attributes
     ----------
@@ -77,7 +84,7 @@ class Likelihood:
     digits: float = 0.0
 
     def power(self, ramp=0.0):
-        """Return the mean squares of all rows once a ramp is taken out, shape (r,)."""
+        """Return the mean squares of all rows without a ramp in SI/s, shape (r,), SI^2."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=0.0, fixed=0.0, start=None):
@@ -90,13 +97,13 @@ class Likelihood:
         .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
             \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k
 
-        It is the one that is maximised then. It compares two models with a ramp; the plain one
-        compares a model with and one without.
+        It is maximised if a ramp is fitted, and compares two models with a ramp. The plain one
+        compares a model with a ramp and one without.
 
         Parameters
         ----------
         units : ndarray, shape (r, p)
-            Expected mean squares for unit variances; p may be 0.
+            Expected mean squares for unit variances.
         ramp : float or None
             Ramp that is held, SI/s; None to fit it.
         fixed : ndarray, shape (r,), or float
@@ -108,15 +115,17 @@ class Likelihood:
         ----------
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
-        slow, slope, power = len(self.rho), ramp, self.power(ramp or 0.0)
+        slope, power = ramp, self.power(ramp or 0.0)
+        # mean weight of the modes that hold a ramp
+        weight = self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
             return np.maximum(units @ theta + fixed, floor)
 
-        def values(power, expected):
+        def values(expected):
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
-            lost = self._weight * np.log(self.information(expected)) / 2 if ramp is None else 0.0
+            lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
             return float(value), float(value - lost)
 
         theta = start
@@ -126,22 +135,22 @@ class Likelihood:
                 theta = power.mean() / units.max(axis=0)
         expected, last, growth = spectrum(theta), -np.inf, np.inf
         for _ in range(ROUNDS):
+            taken = 0.0
             if ramp is None:
-                slope = self._slope(expected)
+                slope, information = self.ramp(expected)
                 power = self.power(slope)
-            value, restricted = values(power, expected)
+                taken = np.zeros(len(power))
+                taken[: len(self.rho)] = weight / information * self.rho**2
+            value, restricted = values(expected)
             before, growth, last = growth, restricted - last, restricted
             # near the maximum, the likelihood grows by a fixed share of the growth before
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
-            target = power - fixed
-            if ramp is None:
-                target[:slow] += self._weight / self.information(expected) * self.rho**2
-            change = weighted_nnls(units, target, self.count / expected**2) - theta
+            change = weighted_nnls(units, power - fixed + taken, self.count / expected**2) - theta
             for share in SHARES:
                 trial = spectrum(theta + share * change)
-                if values(power, trial)[1] >= restricted:
+                if values(trial)[1] >= restricted:
                     theta, expected = theta + share * change, trial
                     break
         return MaximumLikelihood(theta, float(slope), value, restricted)
@@ -152,21 +161,18 @@ class Likelihood:
         Takes the derivatives of the spectrum by the parameters, (r, p), and the spectrum, (r,).
         """
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
-        rows /= self.above_rounding(expected)[:, None]
-        size = np.linalg.norm(rows, axis=0)
-        size[size == 0] = 1.0
-        rows /= size
+        rows, size = _normalised(rows / self.above_rounding(expected)[:, None])
         return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
-    def information(self, expected):
-        """Return the information on a ramp, 1/(SI/s)^2, for a spectrum, (r,)."""
-        slow = len(self.rho)
-        return float(self.count[:slow] @ (self.rho**2 / self.above_rounding(expected)[:slow]))
+    def ramp(self, expected):
+        """Return the likeliest ramp, SI/s, for a spectrum, (r,), and its information, 1/(SI/s)^2.
 
-    def _slope(self, expected):
-        """Return the most likely ramp, SI/s, for a spectrum, (r,)."""
-        weight = self.count[: len(self.rho)] * self.rho / expected[: len(self.rho)]
-        return float(weight @ self.slow / (weight @ self.rho))
+        The information is the inverse of the variance of the ramp.
+        """
+        slow = len(self.rho)
+        weight = self.count[:slow] * self.rho / self.above_rounding(expected[:slow])
+        information = float(weight @ self.rho)
+        return float(weight @ self.slow) / information, information
 
     @cached_property
     def floor(self):
@@ -174,11 +180,5 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, measured or expected, raised to that of rounding."""
+        """Return mean squares, measured or expected, raised to the floor of rounding."""
         return np.maximum(squares, self.floor)
-
-    @cached_property
-    def _weight(self):
-        """Mean weight of the modes that hold a ramp."""
-        squares = self.rho**2
-        return self.count[: len(squares)] @ squares / squares.sum()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.noise_model import Coefficient
-from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
+from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_at_one, chance_over_band
 from imuloop.noise.sinusoids import fit_sinusoid
 
 # relative difference between the clocks of two power cycles within which a line is the same
@@ -36,11 +36,12 @@ class Line:
 
 
 def find_line(signals, spectrum, level):
-    """Return the most significant Line; None if chance explains it.
+    """Return the most significant Line; None if noise explains it.
 
-    A line is the peak of a `Periodogram` that is least likely in noise, if the chance of such a
-    peak is below the level. Each signal is tested alone and the numbers of independent frequencies
-    add. Powers of two sessions do not add: their clocks differ by more than the width of a line.
+    A line is the highest peak of a `Periodogram` over its background, if the chance of such a peak
+    in noise is below the level. Each signal is tested alone and the numbers of independent
+    frequencies add. Powers of two sessions do not add: their clocks differ by more than the width
+    of a line.
 
     Parameters
     ----------
@@ -60,44 +61,62 @@ def find_line(signals, spectrum, level):
     ----------
     Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    found = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
-    periodograms = {i: periodogram for i, periodogram in found.items() if periodogram}
-    if not periodograms:
-        return None
-    independent = sum(p.independent for p in periodograms.values())
-    (chance, _, peak), best = min((p.strongest(level), i) for i, p in periodograms.items())
-    if chance_over_band(chance, independent) > level:
+    peak, best, periodograms = strongest_peak(signals, spectrum, level)
+    if peak is None:
         return None
     strongest = fit_sinusoid(signals[best], peak)
-    if chance_over_band(periodograms[best].chance(strongest), independent) > level:
+    if _chance_anywhere(periodograms, periodograms[best].chance(strongest)) > level:
         return None
     sinusoids, frequency = {best: strongest}, strongest.frequency
     for i in periodograms.keys() - {best}:
         span = signals[i].span
         reach = 1 / signals[best].span + 1 / span + SAME_CLOCK * frequency
         if frequency * span >= SHORTEST:
-            sinusoid = fit_sinusoid(signals[i], periodograms[i].near(frequency, reach))
+            _, peak = periodograms[i].highest(frequency - reach, frequency + reach)
+            sinusoid = fit_sinusoid(signals[i], peak)
             if chance_over_band(periodograms[i].chance(sinusoid), 2 * reach * span) <= level:
                 sinusoids[i] = sinusoid
     error = np.sqrt(periodograms[best].noise(frequency)[0])
-    amplitude = float(np.hypot(strongest.cosine, strongest.sine))
     return Line(
         Coefficient.of(frequency, error * strongest.frequency_std),
-        Coefficient.of(amplitude, error * strongest.amplitude_std),
+        Coefficient.of(np.hypot(*strongest.amplitudes), error * strongest.amplitude_std),
         sinusoids,
     )
 
 
-def mains(frequency, rate):
-    """Return the name of the mains harmonic at a frequency, None without one; both in Hz.
+def strongest_peak(signals, spectrum, level):
+    """Return the highest peak over the background, if its chance in noise is below the level.
 
-    E.g. ``50 Hz mains, alias of its 2nd harmonic``. It is the lowest harmonic that fits, of both
-    mains where both fit. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is
-    a whole number and r the rate. The window to either side is 1.2 per mille of :math:`h f_0`:
-    1 per mille for the wander of mains, and 200 ppm for the clock behind the time stamps, whose
-    error scales all logged frequencies. Nothing is named within a window of zero, where any slow
-    line would be, nor where the window is wider than 0.8 % of the band. The chance that a line lies
-    in a window by accident is 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
+    Returns its frequency in Hz, or None; the index of its signal; and the Periodograms by index of
+    the signal. Signals that are too short are left out. `find_line` describes the arguments.
+    """
+    every = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
+    periodograms = {i: periodogram for i, periodogram in every.items() if periodogram}
+    if not periodograms:
+        return None, None, {}
+    height, frequency, best = max((*p.highest(), i) for i, p in periodograms.items())
+    # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
+    chance = chance_at_one(height / 0.81, periodograms[best].noise(frequency)[1])
+    rare = _chance_anywhere(periodograms, chance) <= level
+    return frequency if rare else None, best, periodograms
+
+
+def _chance_anywhere(periodograms, chance):
+    """Return the chance of a peak anywhere in Periodograms from its chance at one frequency."""
+    return chance_over_band(chance, sum(p.independent for p in periodograms.values()))
+
+
+def mains(frequency, rate):
+    """Return the name of the mains harmonic at a frequency, Hz, or None if mains do not fit.
+
+    E.g. ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The name is
+    the lowest harmonic that fits, of both mains where both fit. The harmonic h of :math:`f_0`
+    appears at :math:`|h f_0 - k r|`, where k is a whole number and r the rate. The window to either
+    side is 1.2 per mille of :math:`h f_0`: 1 per mille for the wander of mains, and 200 ppm for the
+    clock behind the time stamps, whose error scales all logged frequencies. Nothing is named within
+    a window of zero, where any slow line would be, nor where the window is wider than 0.8 % of the
+    band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 % at
+    1 kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

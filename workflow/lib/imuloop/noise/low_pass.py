@@ -5,19 +5,20 @@ rate, and N is the density in front of the filter.
 """
 
 from dataclasses import replace
-from operator import itemgetter
+from math import sqrt
 
 import numpy as np
 
-from imuloop.core.noise_model import DEGREES, Coefficient
+from imuloop.core.noise_model import DEGREES, Coefficient, LowPassTerm
 from imuloop.noise.gains import GAINS, LowPass, density
 from imuloop.noise.likelihood import likeliest
 from imuloop.noise.processes import NAMES
+from imuloop.noise.selection import correlation_times
 
 # corners that are tried, and the highest, share of the rate
 CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
-# shift of the logarithm of a corner by which a derivative is taken
-SHIFT = 1e-3
+# shifts of the logarithm of a corner: for a derivative, and to the ends of the last search
+SHIFT, REACH = 1e-3, 0.2
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
 PRICE = 4.8
 
@@ -29,43 +30,18 @@ def choose_low_pass(selection):
     Gauss-Markov process, nor the process for a filter. A filter has two parameters, or three with a
     floor, a process has two, and another term one.
     """
-    whole, none = selection.likelihood, np.zeros(0)
-    power = whole.power(selection.fit((*NAMES, "R")).ramp)
-    flat = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
-    plain = flat.fit(NAMES)
+    whole, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
+    level = replace(selection, likelihood=replace(whole, slow=whole.slow - ramp * whole.rho))
+    plain = level.fit(NAMES)
     start = np.append(plain.theta, 0.0)
-    values = {kind: [_fit(flat, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
+    values = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
     if max(map(max, values.values())) - plain.value < 2 * PRICE:
         return selection
-    best = [_fit_corner(flat, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
-    fits = sorted(best, key=itemgetter(0))[-3:]
+    fits = [_fit_corner(level, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
-    filtered = selection.filtered(low_pass)
-    price = PRICE * (3 if low_pass.floor else 2)
-    better = _score(filtered) - price > _score(selection)
-    return filtered if better and _is_seen(filtered) else selection
-
-
-def _is_seen(filtered):
-    """Return whether white noise is most of the power in front of a filter, at its corner."""
-    terms, share = filtered.supported, filtered.low_pass.corner
-    if "N" not in terms or share < CORNERS[0]:
-        return False
-    noise, rate = filtered.noise(terms), 1 / filtered.modes.dt
-    slow = replace(noise, Q=Coefficient(), N=Coefficient())
-    return density(slow, share * rate, rate) < 2 * noise.N.square
-
-
-def leakage_weights(filtered):
-    """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
-
-    Where a filter leaves next to nothing, the squares of a block are what leaks from lower
-    frequencies by its ends: many values that are few independent ones.
-    """
-    modes, low_pass = filtered.modes, filtered.low_pass
-    gain = low_pass.gain(np.minimum(modes.frequency * modes.dt, 0.5))
-    return np.minimum(gain / modes.gain(low_pass), 1.0) ** 2
+    filtered = replace(selection, low_pass=low_pass)
+    return filtered if _score(filtered) > _score(selection) and _is_seen(filtered) else selection
 
 
 def _fit(selection, kind, corner, start=None):
@@ -75,48 +51,68 @@ def _fit(selection, kind, corner, start=None):
     of Q, N, B, K and of the white noise behind the filter near the maximum.
     """
     low_pass = LowPass(kind, float(corner))
-    units = selection.filtered(low_pass).units(NAMES)
-    found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
-    white, behind = found.theta[NAMES.index("N")], found.theta[-1]
+    units = replace(selection, low_pass=low_pass).units(NAMES)
+    fit = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
+    white, behind = fit.theta[NAMES.index("N")], fit.theta[-1]
     floor = float(behind / (white + behind)) if behind else 0.0
-    return found.value, replace(low_pass, floor=floor)
+    return fit.value, replace(low_pass, floor=floor)
 
 
 def _fit_corner(selection, kind, near):
-    """Return the same as `_fit` at the likeliest corner between the neighbours of `near`."""
+    """Return log-likelihood and LowPass, like `_fit`, at the likeliest corner around `near`."""
     step = CORNERS[1] / CORNERS[0]
-    low, high = np.log([near / step, min(near * step, HIGHEST)])
-    u = likeliest(lambda u: _fit(selection, kind, np.exp(u))[0], low, high, close=3e-4)
-    return _fit(selection, kind, np.exp(u))
-
-
-def likeliest_corner(filtered, terms):
-    """Return a Selection behind a filter at its likeliest corner, with errors.
-
-    Takes a Selection behind the filter, and the supported terms. The errors are by the information
-    matrix: the standard error of the logarithm of the corner; and the standard error of N, as a
-    multiple of its standard error at a known corner.
-    """
-
-    def behind(u):
-        return filtered.filtered(replace(filtered.low_pass, corner=float(np.exp(u))))
-
-    u = np.log(filtered.low_pass.corner)
-    high = min(u + 0.2, np.log(HIGHEST))
-    u = likeliest(lambda u: behind(u).fit(terms).value, u - 0.2, high, close=1e-4)
-    best = behind(u)
-    units, theta = best.units(terms), best.fit(terms).theta
-    change = (units - behind(u - SHIFT).units(terms)) @ theta / SHIFT
-    known, free = (
-        np.sqrt(np.diag(best.likelihood.covariance(each, units @ theta)))
-        for each in (units, np.column_stack([units, change]))
-    )
-    n = terms.index("N")
-    return best, float(free[-1]), float(free[n] / known[n])
+    ends = near / step, min(near * step, HIGHEST)
+    corner = likeliest(lambda corner: _fit(selection, kind, corner)[0], *ends, close=3e-4)
+    return _fit(selection, kind, corner)
 
 
 def _score(selection):
-    """Return the log-likelihood of the supported terms less the price of their parameters."""
-    terms = selection.supported
-    parameters = len(terms) + sum(not isinstance(term, str) for term in terms)
+    """Return the log-likelihood of terms and filter less the price of their parameters."""
+    terms, low_pass = selection.supported, selection.low_pass
+    parameters = len(terms) + len(correlation_times(terms))
+    if low_pass:
+        parameters += 3 if low_pass.floor else 2
     return selection.fit(terms).value - PRICE * parameters
+
+
+def _is_seen(filtered):
+    """Return whether white noise is most of the power in front of a filter, at its corner."""
+    noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
+    slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
+    return corner >= CORNERS[0] and density(slow, corner * rate, rate) < 2 * noise.N.square
+
+
+def leakage_weights(filtered):
+    """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
+
+    Where a filter leaves next to nothing, the squares of a block are leakage from lower frequencies
+    by the ends of the block: many values, of which few are independent.
+    """
+    modes, low_pass = filtered.modes, filtered.low_pass
+    gain = low_pass.gain(modes.frequency * modes.dt)
+    return np.minimum(gain / modes.gain(low_pass), 1.0) ** 2
+
+
+def likeliest_corner(filtered, terms):
+    """Return a Selection behind a filter at its likeliest corner, its LowPassTerm, and a factor.
+
+    Takes a Selection behind the filter, and the supported terms. Standard errors are by the
+    information matrix. The factor is the standard error of N, as a multiple of its standard error
+    at a known corner.
+    """
+
+    def behind(corner):
+        return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
+
+    near = filtered.low_pass.corner
+    ends = near * np.exp(-REACH), min(near * np.exp(REACH), HIGHEST)
+    corner = likeliest(lambda corner: behind(corner).fit(terms).value, *ends, close=1e-4)
+    best = behind(corner)
+    units, theta = best.units(terms), best.fit(terms).theta
+    change = (units - behind(corner * np.exp(-SHIFT)).units(terms)) @ theta / SHIFT
+    known = best.likelihood.covariance(units, units @ theta)
+    free = best.likelihood.covariance(np.column_stack([units, change]), units @ theta)
+    hertz, n = corner / best.modes.dt, terms.index("N")
+    coefficient = Coefficient.of(hertz, hertz * sqrt(free[-1, -1]))
+    term = LowPassTerm(best.low_pass.kind, coefficient, best.low_pass.floor)
+    return best, term, sqrt(free[n, n] / known[n, n])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 from scipy.special import chdtrc, chdtri, polygamma, psi
 
-# rows are compared with the model in groups of at least so many values, at most so many per decade
+# rows are compared with the model in groups: VALUES or more values each, GROUPS or less per decade
 VALUES, GROUPS = 8, 24
 # groups over which a misfit keeps its sign and its size: half a decade
 TOGETHER = GROUPS // 2
@@ -16,24 +16,25 @@ def misfit(selection, terms):
     The power over the expected power, r, of n values is a chi-square variable over n: its logarithm
     has the mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each
     group of rows, over half a decade to each side, the mean square of the logarithm without its
-    mean exceeds that variance by :math:`\epsilon^2`. Where this is no chance, it counts as one
-    error of half a decade.
+    mean exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it counts as
+    one error that is common to half a decade.
 
     Takes a Selection and its supported terms.
 
     Returns
     -------
     size : float
-        Largest :math:`\epsilon`; 0 where chance explains the whole spectrum.
+        Largest :math:`\epsilon`; 0 if noise explains the misfit of the whole spectrum.
     weight : ndarray, shape (r,)
-        Weight of each row; 1 where chance explains the whole spectrum.
+        Weight of each row; 1 if noise explains the misfit of the whole spectrum.
     """
     likelihood, level, fit = selection.likelihood, selection.level, selection.fit(terms)
     expected = likelihood.above_rounding(selection.units(terms) @ fit.theta)
     ratio = likelihood.above_rounding(likelihood.power(fit.ramp)) / expected
     group = _groups(selection.modes.frequency, selection.modes.count)
     n = np.bincount(group, likelihood.count)
-    used = n > 0
+    # leakage behind a filter has next to no weight
+    used = n > 1
     half = np.where(used, n, 2.0) / 2
     r = np.maximum(np.bincount(group, likelihood.count * ratio) / (2 * half), 1e-12)
     variance = polygamma(1, half)

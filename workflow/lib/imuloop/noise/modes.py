@@ -4,27 +4,21 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import dct, irfft, next_fast_len, rfft
+from scipy.fft import dct, next_fast_len, rfft
 from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
 
-from imuloop.noise.processes import (
-    NAMES,
-    block_mean_covariances,
-    gauss_markov_means,
-    gauss_markov_samples,
-    sample_covariances,
-)
+from imuloop.noise.processes import NAMES, covariances
 
-# blocks of a record; more would cost the cube, fewer would mix slow and fast noise
-BLOCKS = 512
+# blocks of a record, and of a piece, less than that; more would cost the cube, fewer would mix slow
+# and fast noise
+BLOCKS, LARGEST = 512, 577
 # samples of a block whose length is rounded up to one that is fast to transform
 LONG = 4096
 # share of the samples that whole blocks have to hold
 HELD = 0.9
 # bins of the fast modes a decade, and correlation times between which spectra are interpolated
 BINS, TIMES = 24, 8
-# frequencies from 0 to half the rate at which the gain of a filter is calculated
-POINTS = 4097
 
 
 def expected_squares(covariance):
@@ -41,62 +35,55 @@ def expected_squares(covariance):
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
     omega = np.pi * np.arange(1, n) / n
-    even = 2 * rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real
-    even -= n * covariance[..., :1]
+    even = 2 * rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real - n * covariance[..., :1]
     odd = -rfft(covariance, 2 * n)[..., 1:n].imag
     return (even - 2 * odd / np.sin(omega)) / n
 
 
-@dataclass(frozen=True)
-class _Level:
-    """Blocks of one level and the contrasts of their means, in which a walk is diagonal.
+def _contrasts(start, m):
+    """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
 
-    Where the blocks follow each other without a gap, the contrasts are the cosine transform.
+    Takes the first sample of each block of m samples, (k,). In the contrasts a walk is diagonal.
+    If no gap lies between the blocks, they are the cosine transform, and the distances are those
+    from the first block, (k,). Otherwise the distances are those between all blocks, (k, k). They
+    are in samples.
     """
+    n = len(start)
+    if (np.diff(start) == m).all():
+        phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
+        return start - start[0], np.sqrt(2 / n) * np.cos(phase)
+    distance = np.abs(np.subtract.outer(start, start))
+    walk = -distance / 2.0
+    walk -= walk.mean(axis=0)
+    walk -= walk.mean(axis=1, keepdims=True)
+    # the level, the null direction of the walk, goes far above all others
+    top = 2 * np.trace(walk) + 1
+    return distance, np.linalg.eigh(walk + top / n)[1][:, -2::-1]
 
-    distance: np.ndarray  # samples from the first block, (k,), or with gaps between all, (k, k)
-    basis: np.ndarray  # contrasts, (k, k - 1)
 
-    @classmethod
-    def of(cls, start, m):
-        """Return the level of blocks of m samples that begin at the samples `start`, (k,)."""
-        n = len(start)
-        if (np.diff(start) == m).all():
-            phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-            return cls(start - start[0], np.sqrt(2 / n) * np.cos(phase))
-        distance = np.abs(np.subtract.outer(start, start))
-        walk = -distance / 2.0
-        walk -= walk.mean(axis=0)
-        walk -= walk.mean(axis=1, keepdims=True)
-        # the level, the null direction of the walk, goes far above all others
-        top = 2 * np.trace(walk) + 1
-        vectors = np.linalg.eigh(walk + top / n)[1]
-        return cls(distance, vectors[:, :-1][:, ::-1])
+def _squares(distance, contrasts, processes):
+    """Return the expected squares of the contrasts of a level, (c, k - 1).
 
-    def squares(self, covariances):
-        """Return the expected squares of the contrasts, (c, k - 1).
-
-        Takes c covariances of the means at the distances, each of the shape of `distance`.
-        """
-        if self.distance.ndim == 1:
-            return expected_squares([*covariances])
-        return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
+    Takes the results of `_contrasts`, and c covariances of the means at the distances.
+    """
+    if distance.ndim == 1:
+        return expected_squares([*processes])
+    return np.array([np.einsum("ik,ik->k", contrasts, c @ contrasts) for c in processes])
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, some `BLOCKS` at most, of one power cycle."""
+    """Blocks of one power cycle that share a slope, about `BLOCKS` at most."""
 
     cycle: int
     place: np.ndarray  # index of the first value of each block in its Signal, (k,)
     start: np.ndarray  # first sample of each block, (k,)
-    levels: tuple[_Level, ...]
+    levels: list  # distances and contrasts of each level
 
-    def contrasts(self, x):
-        """Return the contrasts of the levels for one value per block, (k,)."""
-        ends = np.cumsum([len(level.basis) for level in self.levels])[:-1]
-        parts = zip(self.levels, np.split(x, ends), strict=True)
-        return np.concatenate([level.basis.T @ part for level, part in parts])
+    @cached_property
+    def basis(self):
+        """Contrasts of all levels, (k, s)."""
+        return block_diag(*(contrasts for _, contrasts in self.levels))
 
 
 @dataclass(frozen=True)
@@ -106,7 +93,7 @@ class Modes:
     The fast modes are orthonormal cosine coefficients 1 ... m-1 of each block. The slow modes are
     contrasts of the means of the blocks, in a basis that diagonalises the walk. White noise is
     diagonal in any orthonormal basis. In an unbroken record that basis is the cosine transform.
-    Contrasts are free of the level of each power cycle and of each stretch between two
+    Contrasts do not depend on the level of each power cycle and of each stretch between two
     disturbances. Gaps keep their place in time, but gaps of a few samples are closed up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
@@ -126,6 +113,11 @@ class Modes:
         one by one, and then bins of the fast ones.
     units : ndarray, shape (r, 4)
         Expected mean squares for unit Q, N, B, K, SI.
+    correlation_times : ndarray, shape (c,)
+        Correlation times between two samples and the longest power cycle, s.
+    processes : CubicSpline
+        Logarithm of the expected mean squares of a Gauss-Markov process of variance 1, (r,), as a
+        function of the logarithm of its correlation time in s.
     ramp : ndarray, shape (s,)
         Amplitudes of the slow modes for a ramp of 1 SI/s.
     """
@@ -138,8 +130,10 @@ class Modes:
     frequency: np.ndarray
     count: np.ndarray
     units: np.ndarray
+    correlation_times: np.ndarray
+    processes: CubicSpline
     ramp: np.ndarray
-    _pieces: tuple
+    _pieces: list
     # the first fast mode of each bin
     _bins: np.ndarray
     _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -147,93 +141,82 @@ class Modes:
     def amplitudes(self, signals):
         """Return the slow modes' amplitudes, (s,), and the fast ones' mean squares, (r - s,), SI.
 
-        Takes the Signals of an axis. Before, the straight line of each piece, as the slow modes
-        show it, is taken out of the fast ones.
+        Takes the Signals of an axis. The straight line that the slow modes of a piece show is
+        subtracted from its fast modes.
         """
-        slow, squares = [], np.zeros(self.m - 1)
+        slow, squares, number = [], np.zeros(self.m - 1), 0
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
             x = signals[piece.cycle].values
             blocks = [x[i : i + self.m] for i in piece.place]
-            means = np.array([block.mean() for block in blocks])
-            amplitudes, ramp = piece.contrasts(means), piece.contrasts(piece.start * self.dt)
+            means, number = np.array([block.mean() for block in blocks]), number + len(blocks)
+            amplitudes, ramp = piece.basis.T @ means, piece.basis.T @ (piece.start * self.dt)
             slow.append(amplitudes)
             slope = ramp @ amplitudes / (ramp @ ramp) if len(ramp) > 1 else 0.0
             for block, mean in zip(blocks, means, strict=True):
                 squares += (dct(block - mean, norm="ortho")[1:] - slope * line) ** 2
-        number = sum(len(piece.place) for piece in self._pieces)
         return np.concatenate(slow), _binned(squares / number, self._bins)
 
     def unit(self, term):
         """Return the expected mean squares for a unit term, shape (r,), SI.
 
         `term` is one of Q, N, B, K; or the correlation time, s, of a Gauss-Markov process of
-        variance 1, interpolated between times of which there are `TIMES` per decade.
+        variance 1.
         """
         if isinstance(term, str):
             return self.units[:, NAMES.index(term)]
-        return np.exp(self._processes(np.log(term)))
+        return np.exp(self.processes(np.log(term)))
 
     def gain(self, low_pass):
         """Return the factor by which a LowPass changes white noise in each row, shape (r,)."""
         if low_pass not in self._gains:
-            slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
-            lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
-            covariance = np.zeros(self.m)
-            covariance[: len(lags)] = lags[: self.m]
-            fast = _binned(expected_squares(covariance), self._bins)
+            slow = low_pass.gain(self.frequency[: len(self.ramp)] * self.dt)
+            fast = _binned(expected_squares(low_pass.autocovariance(self.m)), self._bins)
             self._gains[low_pass] = np.append(slow, fast)
         return self._gains[low_pass]
 
-    @cached_property
-    def correlation_times(self):
-        """Correlation times between two samples and the longest power cycle, s, shape (c,)."""
-        low, high = np.log10([self.dt, max(self.span, 8 * self.dt)])
-        return 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
-    @cached_property
-    def _processes(self):
-        """Logarithm of the expected mean squares of a Gauss-Markov process of variance 1, (r,).
-
-        It is a function of the logarithm of the correlation time in s.
-        """
-        times, m, dt = self.correlation_times, self.m, self.dt
-        slow = _slow(self._pieces, lambda d: (gauss_markov_means(d, m, dt, tc) for tc in times))
-        fast = _binned(expected_squares(gauss_markov_samples(m, dt, times)), self._bins)
-        return CubicSpline(np.log(times), np.log(np.concatenate([*slow, fast], axis=1)))
-
-
-def modes(samplings):
-    """Return the Modes of Samplings, one for each power cycle.
+def modes(signals):
+    """Return the Modes of Signals, with or without values, one for each power cycle.
 
     They have one rate, and at least one of them has two samples or more.
     """
-    closed = [sampling.closed_up() for sampling in samplings]
+    closed = [signal.closed_up() for signal in signals]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
-    m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
+    m = _block_length(np.concatenate([signal.lengths for signal in closed]))
     # blocks of one sample where each level has only one block, as in bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
-    slow = _slow(pieces, lambda d: block_mean_covariances(d, m, dt))
+    span = max(s.span for s in closed)
+    low, high = np.log10([dt, max(span, 8 * dt)])
+    correlation_times = 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
+
+    slow = [
+        _squares(distance, contrasts, covariances(distance, m, dt, correlation_times))
+        for piece in pieces
+        for distance, contrasts in piece.levels
+    ]
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
-    fast = _binned(expected_squares(sample_covariances(m, dt)), bins)
-    units = np.concatenate([*slow, fast], axis=1).T
-    ramp = np.concatenate([piece.contrasts(piece.start * dt) for piece in pieces])
-    # frequency at which a walk has so much power: exact for an unbroken record
-    frequency = 1 / (2 * np.pi * np.sqrt(units[: len(ramp), 3] * m * dt))
+    samples = [*covariances(np.arange(m), 1, dt, correlation_times)]
+    squares = np.concatenate([*slow, _binned(expected_squares(samples), bins)], axis=1)
+    ramp = np.concatenate([piece.basis.T @ (piece.start * dt) for piece in pieces])
+    # frequency at which the expected square of a walk is as large: exact for an unbroken record
+    frequency = 1 / (2 * np.pi * np.sqrt(squares[3, : len(ramp)] * m * dt))
     count = sum(len(p.place) for p in pieces) * np.diff(np.append(bins, m - 1))
     times = np.sort(np.concatenate([_level_times(s) for s in closed]))
     return Modes(
         dt=dt,
         m=m,
-        span=max(s.span for s in closed),
+        span=span,
         level=times.max(),
         usual=float(times[np.searchsorted(np.cumsum(times), times.sum() / 2)]),
         frequency=np.concatenate([frequency, _binned(k / (2 * m * dt), bins)]),
         count=np.concatenate([np.ones(len(ramp)), count]),
-        units=units,
+        units=squares[:4].T,
+        correlation_times=correlation_times,
+        processes=CubicSpline(np.log(correlation_times), np.log(squares[4:])),
         ramp=ramp,
-        _pieces=tuple(pieces),
+        _pieces=pieces,
         _bins=bins,
     )
 
@@ -243,27 +226,18 @@ def _binned(values, first):
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
-def _slow(pieces, covariances):
-    """Return the expected squares of the slow modes of each level, a list.
-
-    `covariances` is a function that takes distances of blocks and returns an iterable of
-    covariances.
-    """
-    return [e.squares(covariances(e.distance)) for piece in pieces for e in piece.levels]
-
-
-def _level_times(sampling):
-    """Return the time from start to end of each level of a Sampling, s."""
-    first = np.flatnonzero(np.diff(sampling.levels, prepend=-1))
-    last = np.append(first[1:], len(sampling.levels)) - 1
-    samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
-    return samples / sampling.rate
+def _level_times(signal):
+    """Return the time from start to end of each level of a Signal, s."""
+    first = np.flatnonzero(np.diff(signal.levels, prepend=-1))
+    last = np.append(first[1:], len(signal.levels)) - 1
+    samples = signal.starts[last] + signal.lengths[last] - signal.starts[first]
+    return samples / signal.rate
 
 
 def _block_length(lengths):
     """Return the number of samples of a block, for stretches of these lengths, (s,).
 
-    Some `BLOCKS` blocks hold nearly all samples. The length of long blocks has no large prime
+    About `BLOCKS` blocks hold nearly all samples. The length of long blocks has no large prime
     factors, so that the transform is up to four times faster.
     """
     m = int(-(-lengths.sum() // BLOCKS))
@@ -274,20 +248,19 @@ def _block_length(lengths):
     return m
 
 
-def _pieces(samplings, m):
-    """Return the pieces of all power cycles, for blocks of m samples; each has a contrast."""
+def _pieces(signals, m):
+    """Return the pieces of all power cycles that hold a contrast, for blocks of m samples."""
     pieces = []
-    for cycle, sampling in enumerate(samplings):
-        number = sampling.lengths // m
-        stretch = np.repeat(np.arange(len(number)), number)
-        within = m * np.concatenate([np.arange(n) for n in number])
-        place = (np.cumsum(sampling.lengths) - sampling.lengths)[stretch] + within
-        start, level = sampling.starts[stretch] + within, sampling.levels[stretch]
-        few = -(-len(start) // (BLOCKS + BLOCKS // 8))
-        for part in np.array_split(np.arange(len(start)), max(few, 1)):
+    for cycle, signal in enumerate(signals):
+        ends = np.cumsum(signal.lengths)
+        stretches = zip(ends - signal.lengths, ends - m + 1, strict=True)
+        place = np.concatenate([np.arange(first, last, m) for first, last in stretches])
+        start = signal.samples[place]
+        level = np.repeat(signal.levels, signal.lengths)[place]
+        for part in np.array_split(np.arange(len(start)), len(start) // LARGEST + 1):
             # levels follow each other, so that a contrast of one is free of a walk in another
             ends = np.flatnonzero(np.diff(level[part])) + 1
             if len(part) > len(ends) + 1:
-                levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
+                levels = [_contrasts(each, m) for each in np.split(start[part], ends)]
                 pieces.append(_Piece(cycle, place[part], start[part], levels))
     return pieces

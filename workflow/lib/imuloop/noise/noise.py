@@ -12,7 +12,9 @@ from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.modes import modes
 from imuloop.noise.records import records_by_sensor
 from imuloop.noise.spectrum import no_spectrum, spectrum_table
-from imuloop.noise.statistics import summary
+
+# durations of the means in `summary`, s
+MEANS = {"std_10s": 10.0, "std_100s": 100.0}
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,9 @@ class NoiseResult:
     rate_hz: float | None = None  # sampling rate of the sessions used; of two clocks, the faster
     rates_hz: dict = field(default_factory=dict)  # sampling rate of each sensor with a record
     spectrum: dict = field(default_factory=dict)  # `misfit` of the AxisEstimate, by axis
-    statistics: dict = field(default_factory=dict)  # `statistics.summary` by session and axis
+    statistics: dict = field(default_factory=dict)  # `summary` by session and axis
     sessions: tuple[str, ...] = ()  # sessions behind the coefficients
-    notes: tuple[str, ...] = ()  # what a reader of the coefficients must know
+    notes: tuple[str, ...] = ()  # limits of the coefficients, for their reader
     # columns of spectra.parquet by session; without rows where the session was not used
     spectra: dict = field(default_factory=dict)
 
@@ -37,15 +39,6 @@ class NoiseResult:
     def to_json(self, path):
         """Write noise.json."""
         write_json(path, self.to_dict())
-
-
-def no_noise(device, sessions, *notes):
-    """Return an empty NoiseResult of a device and its sessions, by name, with the reason."""
-    return NoiseResult(
-        model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
-        notes=notes,
-        spectra={name: no_spectrum() for name in sessions},
-    )
 
 
 def estimate_noise(device, sessions, settings, views=True):
@@ -65,32 +58,27 @@ def estimate_noise(device, sessions, settings, views=True):
     views : bool
         Whether spectra are wanted too.
     """
-    notes, names = [], [session.name for session in sessions]
-    by_sensor = records_by_sensor(sessions, notes)
-    if not by_sensor:
-        reason = "no session holds a rest: no coefficient can be estimated"
-        return no_noise(device, names, *notes, reason)
-    estimates, rates, statistics = {}, {}, {}
-    spectra = {name: [no_spectrum()] for name in names}
-    for sensors, records in by_sensor:
-        basis = modes([sampling for record in records for sampling in record.samplings])
-        rate = np.average([r.rate for r in records], weights=[r.lengths.sum() for r in records])
-        rates |= dict.fromkeys(sensors, float(rate))
+    notes, estimates, rates, statistics, longest = [], {}, {}, {}, 0.0
+    spectra = {session.name: [no_spectrum()] for session in sessions}
+    for sensors, records in records_by_sensor(sessions, notes):
+        basis = modes([cycle for record in records for cycle in record.cycles])
+        rates |= dict.fromkeys(sensors, 1 / float(basis.dt))
+        longest = max(longest, *(r.lengths.max() / r.rate for r in records))
         for axis in (axis for sensor in sensors for axis in SENSORS[sensor]):
             estimates[axis] = _estimate(axis, records, basis, settings, notes)
             for record in records:
                 name, x = record.session.name, record.stretches(axis)
                 # attitude, and gravity with it, changes between rests: only the longest counts
-                counted = x if record.session.static else [max(x, key=len)]
-                figures = summary(counted, record.rate)
+                figures = summary(x if record.session.static else [max(x, key=len)], record.rate)
                 statistics.setdefault(name, {})[axis] = figures
                 if views and np.isfinite(figures["mean"]):
                     spectra[name].append(spectrum_table(axis, x, record.rate))
                 # two axes at once would need twice the memory
-                del x, counted
+                del x
+    if not estimates:
+        notes.append("no session holds a rest: no coefficient can be estimated")
     if unseen := [axis for axis, found in estimates.items() if not found.noise.K.identifiable]:
         # the walk weighs most in long integrals
-        longest = max(r.lengths.max() / r.rate for _, records in by_sensor for r in records)
         notes.append(
             f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
@@ -99,7 +87,7 @@ def estimate_noise(device, sessions, settings, views=True):
     axes = {axis: found.noise for axis, found in estimates.items()}
     return NoiseResult(
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise()) | axes),
-        rate_hz=max(rates.values()),
+        rate_hz=max(rates.values(), default=None),
         rates_hz=rates,
         spectrum={axis: {"misfit": found.misfit} for axis, found in estimates.items()},
         statistics=statistics,
@@ -112,31 +100,49 @@ def estimate_noise(device, sessions, settings, views=True):
 def _estimate(axis, records, basis, settings, notes):
     """Return the AxisEstimate of an axis from its Records and their Modes; adds to `notes`."""
     signals = [signal for record in records for signal in record.signals(axis)]
-    if not all(np.isfinite(signal.values).all() for signal in signals):
-        notes.append(f"{axis}: values that are not finite, no coefficient estimated")
-        return AxisEstimate()
-    if all(signal.is_constant() for signal in signals):
-        notes.append(f"{axis}: output is constant, no coefficient estimated")
+    finite = all(np.isfinite(signal.values).all() for signal in signals)
+    if not finite or all(signal.is_constant() for signal in signals):
+        reason = "output is constant" if finite else "values that are not finite"
+        notes.append(f"{axis}: {reason}, no coefficient estimated")
         return AxisEstimate()
     estimate = estimate_axis(basis, signals, settings)
     if not any(getattr(estimate.noise, name).upper95 for name in "QNBKR"):
         notes.append(f"{axis}: too few samples for a coefficient")
     if estimate.misfit:
         notes.append(
-            f"{axis}: over half a decade the spectrum leaves the terms by "
-            f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
-            "intervals are widened by it"
+            f"{axis}: over half a decade the spectrum differs from the terms by "
+            f"{100 * estimate.misfit:.2g} % (a hump, a trend); intervals are widened by it"
         )
     if low_pass := estimate.noise.low_pass:
-        notes.append(f"{axis}: {_filter_note(low_pass)}")
+        kind, corner, hertz = low_pass.kind, low_pass.corner.value, low_pass.interval_hz
+        note = f"low-pass near {corner:.3g} Hz ({kind}): N, B and K describe the noise before it"
+        if hertz:
+            note = f"values are {kind}, as from a sensor of {hertz:.3g} Hz"
+        notes.append(f"{axis}: {note}")
     return estimate
 
 
-def _filter_note(low_pass):
-    """Return what a reader must know of a LowPassTerm, a text."""
-    if low_pass.interval_hz:
-        return f"values are {low_pass.kind}, as of a sensor of {low_pass.interval_hz:.3g} Hz"
-    return (
-        f"low-pass near {low_pass.corner.value:.3g} Hz ({low_pass.kind}): N, B and K are those of "
-        "the noise in front of it"
-    )
+def summary(stretches, rate):
+    """Return summary figures of one axis, by which devices are compared, in the unit of the axis.
+
+    Parameters
+    ----------
+    stretches : sequence of ndarray
+        Output in each clean stretch.
+    rate : float
+        Sampling rate, Hz.
+
+    Returns
+    -------
+    dict of str to float or None
+        ``mean`` and ``std`` of the samples; ``std_10s`` and ``std_100s``, the standard deviations
+        of consecutive means over 10 s and over 100 s. None where a figure needs more data.
+    """
+    x = np.concatenate(stretches)
+    values = {"std": x}
+    for name, seconds in MEANS.items():
+        count = max(round(seconds * rate), 1)
+        full = [part[: len(part) // count * count] for part in stretches]
+        values[name] = np.concatenate([part.reshape(-1, count).mean(axis=1) for part in full])
+    std = {name: float(v.std(ddof=1)) if len(v) > 1 else None for name, v in values.items()}
+    return {"mean": float(x.mean())} | std

@@ -13,16 +13,14 @@ from scipy.special import betainc
 SHORTEST = 3
 # independent values in a block of the background: a quarter (SHARE) of those below the block, but
 # at least FEWEST, and at most ENOUGH for a median or WIDTH_HZ, whichever is more; and 1 % (WIDTH)
-# of the frequency where that is more. The wander of mains is narrower than half a block; what is
-# wider is no line
+# of the frequency where that is more. The wander of mains is narrower than half a block; a wider
+# peak does not count as a line
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # number of frequencies at which the spectrum is computed; interpolation between them is right
 # within 2e-4 for a walk, the steepest spectrum, over six decades
 NODES = 1000
 # nodes of the integral for the chance of a peak
 EXPONENTS = np.geomspace(1e-4, 1e3, 700)
-# least chance of a peak that is told from others; below, the higher peak is the stronger one
-SURE = 1e-15
 
 
 @dataclass(frozen=True)
@@ -34,8 +32,8 @@ class Periodogram:
 
     The background is a factor for each block of frequencies: the largest median of I/S in the block
     and in its two neighbours, where S is the spectrum. At either end the two nearest blocks are the
-    neighbours. So two things raise the background and are no lines: a local error of the spectrum,
-    and a band of lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
+    neighbours. So two things raise the background and do not count as lines: a local error of the
+    spectrum, and a band of lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
     frequencies). In noise whose spectrum is right up to a local factor, I/S is exponential, and a
     peak x times as high as the background has the chance
 
@@ -100,8 +98,6 @@ class Periodogram:
         start, stop, step = edges[0], edges[-1], signal.rate / padded
         nodes = np.geomspace(start, stop, NODES)
         density = spectrum(step * nodes) * n * signal.rate / 2
-        if not (density > 0).all():
-            return None
         # in single precision
         expected = np.interp(np.arange(start, stop), nodes, density / factor)
         ratio = np.divide(power[start:stop], expected, dtype=power.dtype, casting="same_kind")
@@ -124,30 +120,12 @@ class Periodogram:
             spectrum=spectrum,
         )
 
-    def strongest(self, level):
-        """Return the chance of the least likely peak at one frequency, less its height, and its Hz.
-
-        The chance is 1 where no peak is a line at the level. It is `SURE` at least, so that the
-        higher one of two tuples of strong peaks is the smaller tuple.
-        """
-        # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        heights = np.maximum.reduceat(self.ratio, self.edges[:-1]) / 0.81
-        peaks = [(1.0, 0.0, 0.0)]
-        # a median is below 1, so that the chance is above exp(-x)
-        for b in np.flatnonzero(heights > np.log(self.independent / level)).tolist():
-            chance = max(chance_at_one(heights[b], self.sizes[b]), SURE)
-            peaks.append((chance, -heights[b], self._highest(*self.edges[b : b + 2])))
-        return min(peaks)
-
-    def near(self, frequency, reach):
-        """Return the frequency of the highest peak within `reach` of a frequency, all in Hz."""
-        ends = (np.array([frequency - reach, frequency + reach]) / self.step).astype(int)
-        first, last = np.clip(ends - self.first, 0, len(self.ratio) - 1)
-        return self._highest(first, last + 1)
-
-    def _highest(self, first, last):
-        """Return the frequency, Hz, of the highest peak between two indices of the ratio."""
-        return float((self.first + first + self.ratio[first:last].argmax()) * self.step)
+    def highest(self, low=0.0, high=np.inf):
+        """Return height and frequency, Hz, of the highest peak between two frequencies, Hz."""
+        ends = np.array([low, high]) / self.step - self.first
+        i, j = np.clip(ends, 0, len(self.ratio) - 1).astype(int)
+        index = i + int(self.ratio[i : j + 1].argmax())
+        return float(self.ratio[index]), (self.first + index) * self.step
 
     def noise(self, frequency):
         """Return the variance of white noise of the density at a frequency in Hz, SI^2, and m."""
@@ -165,9 +143,8 @@ def chance_at_one(x, m):
 
     It is the chance, at one frequency, of a peak that is x times as high as the background.
     """
-    if x <= 0:
-        return 1.0
-    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / x)) ** 3
+    # least squares explain nothing, or less by rounding, at x = 0
+    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / max(x, 1e-9))) ** 3
     return np.trapezoid(np.exp(-EXPONENTS) * below, EXPONENTS)
 
 

@@ -17,11 +17,11 @@ from imuloop.core.samples import (
     read_columns,
 )
 from imuloop.core.segments import DISTURBED, MOTION, STATIC, power_cycles
-from imuloop.noise.sampling import SPARSEST, Sampling
+from imuloop.noise.signal import SPARSEST, Signal
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
-# the usual step of time is the median of so many at most
+# the usual step of time is the median of the first PART steps
 PART = 1 << 20
 # least share of missing samples, and least change of temperature, K, that are worth a note
 LOST, TEMPERATURE_RANGE = 1e-3, 2.0
@@ -50,30 +50,28 @@ class Record:
     """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`)."""
 
     session: RecordedSession
-    rows: tuple[np.ndarray, ...]  # first row of each stretch, (s,), for each power cycle
-    samplings: tuple[Sampling, ...]  # when the stretches were sampled, for each power cycle
-    lost: float  # number of samples missing in gaps of a few, share of those that are there
+    rows: tuple[list[slice], ...]  # rows of the samples in each stretch, for each power cycle
+    cycles: tuple[Signal, ...]  # when the stretches were sampled, for each power cycle
+    lost: float  # number of samples missing in gaps of a few, share of the samples that are there
 
     @property
     def rate(self):
         """Mean sampling rate, Hz."""
-        return self.samplings[0].rate
+        return self.cycles[0].rate
 
     @property
     def lengths(self):
-        """Samples of each stretch, shape (s,); gaps of a few samples end no stretch."""
-        return np.concatenate([sampling.closed_up().lengths for sampling in self.samplings])
+        """Samples of each stretch, shape (s,); a gap of a few samples does not end a stretch."""
+        return np.concatenate([cycle.closed_up().lengths for cycle in self.cycles])
 
     def signals(self, name):
-        """Return the Signal of a column for each power cycle."""
+        """Return the Signal of a column for each power cycle, a list."""
         x = np.asarray(self.session.samples[name])
-        return [
-            s.with_values(np.concatenate([x[i:j] for i, j in zip(r, r + s.lengths, strict=True)]))
-            for r, s in zip(self.rows, self.samplings, strict=True)
-        ]
+        values = [np.concatenate([x[rows] for rows in cycle]) for cycle in self.rows]
+        return [replace(s, values=x) for s, x in zip(self.cycles, values, strict=True)]
 
     def stretches(self, name):
-        """Return the values of a column in each stretch; gaps of a few samples end no stretch."""
+        """Return the values of a column, an array for each of the stretches of `lengths`."""
         return [x for s in self.signals(name) for x in s.closed_up().split(s.values)]
 
 
@@ -84,60 +82,58 @@ def read_recorded(name, files):
 
 
 def record_of(session):
-    """Return the Record of all rests of a session with two samples or more; None without any.
+    """Return the Record of all rests of a session with two samples or more.
 
-    A rest of a static session has the level of the rest before it, unless a disturbance lies
-    between. Each rest of another session has its own level. A lost sample ends a stretch.
+    It is None if the session does not hold such a rest. A rest of a static session has the level of
+    the rest before it, unless a disturbance lies between. Each rest of another session has its own
+    level. A lost sample ends a stretch.
     """
     if not len(session.samples):
         return None
     segments, t = session.segments, np.asarray(session.samples[TIME])
     first, last = (np.searchsorted(t, np.asarray(segments[c], float)) for c in ("start_s", "end_s"))
-    used = np.flatnonzero(_steadiest(segments) & (last - first > 1))
-    if not len(used):
+    used = _steadiest(segments) & (last - first > 1)
+    if not used.any():
         return None
     disturbances = np.cumsum(np.asarray(segments["kind"]) == DISTURBED)
     level = disturbances if session.static else np.arange(len(first))
-    first, last = first[used], last[used]
-    seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
-    first, last, rest, lost, steps = _split_at_losses(t, first, last)
-    rate, cycle = float(steps / seconds), power_cycles(segments)[used][rest]
-    rows, samplings = [], []
-    for k in np.unique(cycle):
-        i, lengths = first[cycle == k], (last - first)[cycle == k]
+    stretches, lost, rate = _split_at_losses(t, first[used], last[used])
+    first, last, rest = np.transpose(stretches)
+    level, cycle = level[used][rest], power_cycles(segments)[used][rest]
+    rows, signals = [], []
+    for number in np.unique(cycle):
+        here = cycle == number
+        i, lengths = first[here], (last - first)[here]
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(lengths) - lengths
         # time stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
-        levels = np.unique(level[used][rest][cycle == k], return_inverse=True)[1]
-        samplings.append(Sampling(rate, start, lengths, levels))
-        rows.append(i)
-    return Record(session, tuple(rows), tuple(samplings), float(lost / count))
+        levels = np.unique(level[here], return_inverse=True)[1]
+        signals.append(Signal(rate, start, lengths, levels))
+        rows.append([*map(slice, i, i + lengths)])
+    return Record(session, tuple(rows), tuple(signals), lost)
 
 
 def _steadiest(segments):
-    """Return which segments are rests whose noise is that of the sensors, a mask, (n,).
+    """Return the rests whose noise is the sensors' own, a mask of the segments, (n,).
 
     These are all rests, unless the device tilts in some. Then they are those in which it lies
     still, or else the third in which it tilts least. Of these, rests shorter than half the longest
     are left out: a small tilt is not seen in them and looks like a walk.
     """
-    rest = np.asarray(segments["kind"]) == STATIC
-    tilt = np.where(rest, np.asarray(segments["tilt_rad"], dtype=float), 0.0)
-    if not tilt.any():
+    rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
+    if not tilt[rest].any():
         return rest
-    steady = rest & (tilt == 0)
-    if not steady.any():
-        steady = rest & (tilt <= np.quantile(tilt[rest], 1 / 3))
+    steady = rest & (tilt <= (np.quantile(tilt[rest], 1 / 3) if tilt[rest].all() else 0.0))
     seconds = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
     return steady & (seconds >= seconds[steady].max() / 2)
 
 
 def _split_at_losses(t, first, last):
-    """Return stretches that end where samples are missing, and what is missing.
+    """Return stretches of rests, which end where samples are missing.
 
-    Takes the time stamps, (n,), and the first and last row (half-open) of each rest. Returns the
-    same of each stretch, the index of its rest, the number of missing samples, and the number of
-    steps of the clock in all rests.
+    Takes the time stamps, s, (n,), and the first and the last row (half-open) of each rest. Returns
+    first row, last row and index of the rest for each stretch, a list of tuples; the number of
+    missing samples, as a share of those that are there; and the mean rate, Hz.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][:PART]))
@@ -150,41 +146,38 @@ def _split_at_losses(t, first, last):
         lost += int(missing.sum())
         # a late time stamp looks like a loss; the short step after it makes up for it
         count += int(np.rint(steps / usual).sum()) if missing.any() else len(steps)
-    return (*np.transpose(stretches), lost, count)
+    rate = count / (t[last - 1] - t[first]).sum()
+    return stretches, float(lost / (last - first).sum()), float(rate)
 
 
 def records_by_sensor(sessions, notes):
-    """Return the Records to use, a list of pairs: a tuple of sensors, and what they share.
+    """Return the Records to use, a list of pairs: the names of sensors, and their Records.
 
-    Sensors share their Records if all logs hold both and have one clock. A sensor without a rest is
-    in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds those of
-    `used_records`.
+    Sensors share their Records if the same sessions hold both, on one clock. A sensor without a
+    rest is in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds the
+    notes of `used_records`, with the name of the sensor if there are two lists of Records.
     """
-    holders = {s: [each for each in sessions if holds(each.samples, s)] for s in SENSORS}
-    holders = {sensor: own for sensor, own in holders.items() if own}
-    if not holders:
-        return []
-    two_clocks = any(own in s.samples for s in sessions for own in OWN_TIME.values())
-    shared = not two_clocks and all(len(own) == len(sessions) for own in holders.values())
-    groups = [tuple(holders)] if shared else [(sensor,) for sensor in holders]
-    found, sensors_by_note = [], {}
-    for sensor, *others in groups:
-        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in holders[sensor]]
+    two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
+    groups, pairs = {}, []
+    for sensor in SENSORS:
+        if names := tuple(s.name for s in sessions if holds(s.samples, sensor)):
+            groups.setdefault((names, sensor if two_clocks else None), []).append(sensor)
+    for (names, _), sensors in groups.items():
+        held = [s for s in sessions if s.name in names]
+        own = [replace(s, samples=on_own_clock(s.samples, sensors[0])) for s in held]
         records, new = used_records(own)
+        notes += [f"{sensors[0]}: {note}" if len(groups) > 1 else note for note in new]
         if records:
-            found.append(((sensor, *others), records))
-        for note in new:
-            sensors_by_note.setdefault(note, []).append(sensor)
-    for note, sensors in sensors_by_note.items():
-        notes.append(note if len(sensors) == len(groups) else f"{sensors[0]}: {note}")
-    return found
+            pairs.append((sensors, records))
+    return pairs
 
 
 def used_records(sessions):
-    """Return the Records to use, and notes on them, lists.
+    """Return the Records to use and notes on them, two lists.
 
-    They are those of static sessions, else those of all sessions with a rest, and have one rate.
-    The notes say what is left out and what a reader of the coefficients must know.
+    The Records are of static sessions or, if none of these holds a rest, of all other sessions with
+    a rest. They have one rate. The notes name the sessions that are left out, and what limits the
+    coefficients.
     """
     found = {session.name: record_of(session) for session in sessions if session.static}
     left_out = [name for name, record in found.items() if record is None]
@@ -202,25 +195,21 @@ def used_records(sessions):
         )
     largest, kept = max(records, key=lambda record: record.lengths.sum(), default=None), []
     for record in records:
+        name = f"session {record.session.name}"
         if abs(record.rate / largest.rate - 1) <= RATE_TOLERANCE:
             kept.append(record)
-            notes += [f"session {record.session.name}: {note}" for note in _conditions(record)]
+            notes += [f"{name}: {note}" for note in _conditions(record)]
         else:
-            notes.append(
-                f"session {record.session.name} has {record.rate:.4g} Hz and is left out beside "
-                f"{largest.session.name} with {largest.rate:.4g} Hz"
-            )
+            other = f"{largest.session.name} with {largest.rate:.4g} Hz"
+            notes.append(f"{name} has {record.rate:.4g} Hz and is left out, unlike {other}")
     return kept, notes
 
 
 def _conditions(record):
     """Yield notes on the gaps and the temperature of a Record, each a text."""
-    if jumps := len(record.samplings) - 1:
-        yield (
-            f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "
-            "each side is a record of its own"
-        )
-    if any(sampling.is_sparse for sampling in record.samplings):
+    if jumps := len(record.cycles) - 1:
+        yield f"{jumps} gap(s) longer than all that was recorded; noise is not followed across"
+    if any(cycle.is_sparse for cycle in record.cycles):
         yield f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
     if record.lost > LOST:
         yield (
@@ -231,7 +220,4 @@ def _conditions(record):
         values = np.concatenate([signal.values for signal in record.signals(TEMPERATURE)])
         low, high = np.fmin.reduce(values), np.fmax.reduce(values)
         if high - low > TEMPERATURE_RANGE:
-            yield (
-                f"temperature went from {low:.1f} to {high:.1f} degC; B, K and R hold the bias' "
-                "dependence on it"
-            )
+            yield f"temperature was {low:.1f} to {high:.1f} degC; B, K and R include its effect"

@@ -16,17 +16,18 @@ from imuloop.noise.likelihood import Likelihood, likeliest
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
 
-# correlation times that are tried: at least so many samples, below which a filter does the same;
-# and at most this share of the usual time without a new level: longer processes look like a walk
-SHORTEST, LONGEST = 10.0, 1 / 8
+# shortest correlation time that is tried, in samples: a filter does the same as a shorter one
+SHORTEST = 10.0
+# longest one, share of the usual time without a new level: a longer process looks like a walk
+LONGEST = 1 / 8
 # independent tests per decade of correlation times
 TESTS = 2.5
 # processes at most
 MOST = 3
-# gain in log-likelihood below which a term gains nothing: fits end so near the maximum
+# gain in log-likelihood that does not count: fits end as near to the maximum
 NOTHING = 1e-4
 # share of a session over which one level has to last before walk or ramp is told from flicker:
-# from short rests, each at its own level, it would be carried on over all that lies between
+# rests that are shorter, each at its own level, say little of the change between them
 LASTING = 1 / 8
 ORDER = (*NAMES, "R")
 
@@ -54,7 +55,7 @@ def correlation_times(terms):
 
 @dataclass(frozen=True)
 class Selection:
-    """The likelihood of one axis as a function of the terms, and the choice of these."""
+    """The likelihood of one axis as a function of the terms, and the choice of the terms."""
 
     modes: Modes
     likelihood: Likelihood
@@ -62,13 +63,10 @@ class Selection:
     low_pass: LowPass | None = None  # filter behind all terms but quantisation
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def weighted(self, count):
-        """Return the same with another `count` of the likelihood, (r,)."""
+    def weighted(self, weight):
+        """Return this Selection with the weights of the rows multiplied by `weight`, (r,)."""
+        count = self.likelihood.count * weight
         return replace(self, likelihood=replace(self.likelihood, count=count))
-
-    def filtered(self, low_pass):
-        """Return the same behind a LowPass."""
-        return replace(self, low_pass=low_pass)
 
     def unit(self, term):
         """Return the expected mean squares for a unit term behind the filter, shape (r,)."""
@@ -77,38 +75,35 @@ class Selection:
 
     def units(self, terms):
         """Return the expected mean squares for unit terms, all but a ramp, shape (r, p)."""
-        none = np.empty((len(self.modes.frequency), 0))
-        return np.column_stack([none, *map(self.unit, variances(terms))])
+        return np.column_stack([self.unit(term) for term in variances(terms)])
 
     def fit(self, terms, start=None):
-        """Return the MaximumLikelihood of terms; `start` as `Likelihood.fit` takes it."""
+        """Return the MaximumLikelihood of terms; `start` may hold variances near the maximum."""
         if terms not in self._fits:
             ramp = None if "R" in terms else 0.0
             self._fits[terms] = self.likelihood.fit(self.units(terms), ramp, start=start)
         return self._fits[terms]
 
-    def squares(self, terms):
-        """Return the fitted variance of each term but a ramp, SI squared, a dict."""
-        return dict(zip(variances(terms), self.fit(terms).theta, strict=True))
-
     def noise(self, terms):
         """Return the AxisNoise of terms but a ramp, with fitted values and without intervals."""
-        values = {term: np.sqrt(square) for term, square in self.squares(terms).items()}
-        letters = {t: Coefficient(value) for t, value in values.items() if isinstance(t, str)}
+        values = dict(zip(variances(terms), np.sqrt(self.fit(terms).theta), strict=True))
+        letters = {name: Coefficient(values[name]) for name in values if name in NAMES}
         drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
         processes = [GaussMarkovTerm(Coefficient(q), Coefficient(t)) for t, q in drives.items()]
         return AxisNoise(**letters, gauss_markov=tuple(processes))
 
-    def p_value(self, term, gain):
-        """Return the probability that an absent term gains so much log-likelihood.
+    def p_value(self, term, terms):
+        """Return the probability that a term which is absent improves the fit of `terms` so far.
 
-        Twice the gain is a chi-square variable of one degree for a ramp. For a variance, which
-        cannot be negative, it is 0 in half of all cases.
+        `terms` hold the term. Twice the gain in log-likelihood is a chi-square variable of one
+        degree for a ramp. For a variance, which cannot be negative, it is 0 in half of all cases.
+        A correlation time is the best of several that were tried.
         """
-        chance = erfc(sqrt(gain if gain > NOTHING else 0.0))
-        if term == "R":
-            return chance
-        return min(1.0, chance / 2 * (1.0 if isinstance(term, str) else self.tests))
+        gain = self.fit(terms).value - self.fit(without(terms, term)).value
+        chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
+        if isinstance(term, str):
+            return chance if term == "R" else chance / 2
+        return min(1.0, chance / 2 * (1 + TESTS * np.log10(self.times[-1] / self.times[0])))
 
     @property
     def times(self):
@@ -118,14 +113,8 @@ class Selection:
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
 
     @property
-    def tests(self):
-        """Effective number of independent tests of the correlation times."""
-        times = self.times
-        return 1.0 if len(times) < 2 else 1 + TESTS * np.log10(times[-1] / times[0])
-
-    @property
     def candidates(self):
-        """Terms that the record can tell from each other."""
+        """Terms that the record can tell from each other, without Gauss-Markov processes."""
         lasting = self.modes.level >= LASTING * self.modes.span
         return ORDER if lasting else without(NAMES, "K")
 
@@ -133,38 +122,33 @@ class Selection:
     def supported(self):
         """The supported terms.
 
-        They begin as those of the non-negative fit. The terms that fail their test go, worst first.
-        Then the term enters that passes best, a Gauss-Markov process only where no other term does.
+        All candidates but a ramp are the first. The terms that fail their test go, worst first.
+        Then the term enters that passes best, a Gauss-Markov process only if no other term does.
         Both are repeated until nothing changes.
         """
-        squares = self.squares(variances(self.candidates))
-        terms, seen = tuple(name for name, square in squares.items() if square > 0), []
+        terms, seen = variances(self.candidates), []
         while terms not in seen:
             seen.append(terms)
             terms = self._with_best_absent(self._without_failed(terms))
         return self._without_failed(terms)
 
-    def _chance(self, term, terms, rest):
-        """Return the p-value of a term in a model beside that without it."""
-        return self.p_value(term, self.fit(terms).value - self.fit(rest).value)
-
     def _without_failed(self, terms):
-        """Return the terms without those that fail their test, the worst first."""
-        while len(terms) > 1:
-            p = {t: self._chance(t, terms, without(terms, t)) for t in terms}
+        """Return the terms without those that fail their test, the worst first.
+
+        At least one variance stays.
+        """
+        while True:
+            p = {t: self.p_value(t, terms) for t in terms if variances(without(terms, t))}
             failed = [t for t in p if p[t] > self.level]
+            if not failed:
+                return terms
             # no sensor is without white noise: it goes last of those that fail
-            worst = max([t for t in failed if t != "N"] or failed, key=p.get, default=None)
-            rest = without(terms, worst)
-            if worst is None or not variances(rest):
-                break
-            terms = rest
-        return terms
+            worst = max([t for t in failed if t != "N"] or failed, key=p.get)
+            terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
         """Return the terms with that absent one which passes its test best, if one does."""
-        absent = [t for t in self.candidates if t not in terms]
-        p = {t: self._chance(t, plus(terms, t), terms) for t in absent}
+        p = {t: self.p_value(t, plus(terms, t)) for t in self.candidates if t not in terms}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
             return plus(terms, best)
@@ -172,21 +156,9 @@ class Selection:
             return terms
         start = np.append(self.fit(terms).theta, 0.0)
         tc = max(self.times.tolist(), key=lambda tc: self.fit(plus(terms, tc), start).value)
-        if self._chance(tc, plus(terms, tc), terms) > self.level:
+        if self.p_value(tc, plus(terms, tc)) > self.level:
             return terms
-        terms = plus(terms, tc)
-        places = range(len(terms) - len(correlation_times(terms)), len(terms))
-        for place in [*places] * min(len(places), 2):
-            terms = self._with_likeliest_time(terms, place)
-        return terms
-
-    def _with_likeliest_time(self, terms, place):
-        """Return the terms with the most likely correlation time at an index."""
-
-        def moved(u):
-            return (*terms[:place], float(np.exp(u)), *terms[place + 1 :])
-
-        step = np.log(self.modes.correlation_times[1] / self.modes.correlation_times[0])
-        u, longest = np.log(terms[place]), np.log(LONGEST * self.modes.usual)
-        low, high = u - 1.5 * step, min(u + 1.5 * step, longest)
-        return moved(likeliest(lambda u: self.fit(moved(u)).value, low, high))
+        # the most likely time between those that are tried
+        step = self.modes.correlation_times[1] / self.modes.correlation_times[0]
+        ends = tc / step**1.5, min(tc * step**1.5, LONGEST * self.modes.usual)
+        return plus(terms, likeliest(lambda tc: self.fit(plus(terms, tc)).value, *ends))

@@ -14,8 +14,5 @@ class NoiseSettings:
         1 / 3, "Longest averaging time as a share of the longest clean stretch", gt=0, lt=0.5
     )
     significance: float = setting(
-        0.001,
-        "Level at which a coefficient, a Gauss-Markov process or a line counts as found",
-        gt=0,
-        lt=1,
+        0.001, "Level at which a coefficient, a process or a line counts as found", gt=0, lt=1
     )

@@ -17,23 +17,13 @@ FEWEST = 16
 SAME, NEXT = np.array([[1, 4 / 9, 1 / 36, 0], [1 / 36, 0.020014, 1 / 144, 0.0008]])
 
 
-def spectrum_table(axis, stretches, rate):
-    """Return the power spectral density of one axis as rows of spectra.parquet.
-
-    `axis` is the name of the axis. The rows hold the density, SI^2/Hz, and its 95 % interval by
-    chi-square. `power_spectrum` describes the other arguments.
-    """
-    frequency, density, edf = power_spectrum(stretches, rate)
-    return table(COLUMNS, axis, frequency, density, *interval(density, edf))
-
-
 def no_spectrum():
     """Return a table of spectra.parquet without rows."""
     return table(COLUMNS, "", *[[]] * 4)
 
 
-def power_spectrum(stretches, rate):
-    r"""Return the one-sided power spectral density by Welch's method, pooled over stretches.
+def spectrum_table(axis, stretches, rate):
+    r"""Return the one-sided power spectral density of an axis by Welch's method.
 
     A segment has half the samples of the longest stretch, rounded down to a power of two. Segments
     overlap by half, and none reaches over the end of a stretch. Neighbouring frequencies are
@@ -50,6 +40,8 @@ def power_spectrum(stretches, rate):
 
     Parameters
     ----------
+    axis : str
+        Name of the axis.
     stretches : sequence of ndarray
         Output in each stretch, SI, finite.
     rate : float
@@ -57,10 +49,10 @@ def power_spectrum(stretches, rate):
 
     Returns
     -------
-    frequency, density, edf : ndarray, shape (k,)
-        Frequencies, Hz, ascending, without the two lowest and without half the rate; densities,
-        SI^2/Hz; and degrees of freedom. k is at most `POINTS`, and 0 where all stretches are
-        shorter than `FEWEST` samples.
+    dict of ndarray
+        Rows of spectra.parquet: frequencies in Hz, ascending, without the two lowest and without
+        half the rate; densities in SI^2/Hz, and their 95 % intervals by chi-square. They are at
+        most `POINTS`, and 0 if all stretches are shorter than `FEWEST` samples.
 
     References
     ----------
@@ -68,7 +60,7 @@ def power_spectrum(stretches, rate):
     """
     longest = max(map(len, stretches))
     if longest < FEWEST:
-        return np.empty(0), np.empty(0), np.empty(0)
+        return no_spectrum()
     length = 1 << (int(longest // 2).bit_length() - 1)
     half, segments, overlaps = length // 2, 0, 0
     window, total = np.hanning(length + 1)[:-1].astype(np.float32), np.zeros(half)
@@ -84,15 +76,14 @@ def power_spectrum(stretches, rate):
             total += transform.real**2 + transform.imag**2
         segments += len(starts)
         overlaps += max(len(starts) - 1, 0)
-    density = 2 * (size / segments) * (size / rate) * total / (window @ window)
     edges = np.unique(np.ceil(np.geomspace(1.5, half, POINTS + 1)).astype(int))
     first, count = edges[:-1], np.diff(edges)
+    frequency = (first + (count - 1) / 2) * rate / length
+    density = 2 * (size / segments) * (size / rate) * total / (window @ window)
+    density = np.add.reduceat(density, first) / count
     # pairs of coefficients of a bin by the distance between their frequencies
     distance = np.arange(len(SAME))
     pairs = np.where(distance > 0, 2, 1) * np.maximum(count[:, None] - distance, 0)
     correlated = segments * (pairs @ SAME) + 2 * overlaps * (pairs @ NEXT)
-    return (
-        (first + (count - 1) / 2) * rate / length,
-        np.add.reduceat(density, first) / count,
-        2 * (count * segments) ** 2 / correlated,
-    )
+    edf = 2 * (count * segments) ** 2 / correlated
+    return table(COLUMNS, axis, frequency, density, *interval(density, edf))

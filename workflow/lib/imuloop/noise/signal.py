@@ -1,6 +1,6 @@
-"""When the clean stretches of a power cycle were sampled, and their values."""
+"""When the clean stretches of a power cycle were sampled, and the values of a channel there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ SPARSEST = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Sampling:
+class Signal:
     """Clean stretches of a power cycle on its grid of samples; gaps keep their place in time.
 
     Attributes
@@ -26,14 +26,17 @@ class Sampling:
     levels : ndarray of int, shape (s,)
         Number of the level of each stretch, ascending from 0 without a break. Neighbours share a
         level across a gap. After a disturbance, which may have moved the device, a new one begins.
+    values : ndarray, shape (n,), optional
+        Values of one channel, all stretches one after the other.
     """
 
     rate: float
     starts: np.ndarray
     lengths: np.ndarray
     levels: np.ndarray
+    values: np.ndarray | None = None
 
-    @property
+    @cached_property
     def samples(self):
         """The number of each sample on the grid, shape (n,)."""
         before = np.cumsum(self.lengths) - self.lengths
@@ -54,10 +57,6 @@ class Sampling:
         """Whether less than 1/`SPARSEST` of the power cycle was recorded."""
         return self.extent > SPARSEST * self.lengths.sum()
 
-    def with_values(self, values):
-        """Return the Signal of values, shape (n,)."""
-        return Signal(self.rate, self.starts, self.lengths, self.levels, values)
-
     def split(self, x):
         """Return the values of each stretch, as views of the values of all, shape (n,)."""
         return np.split(x, np.cumsum(self.lengths)[:-1])
@@ -68,7 +67,7 @@ class Sampling:
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return the same with gaps of a few samples closed up.
+        """Return the stretches with gaps of a few samples closed up, without values.
 
         White noise stays white and flicker stays flicker. A line does not stay a line. What a walk
         or a ramp does within the gaps falls to the samples that are there. So they seem larger by
@@ -78,32 +77,11 @@ class Sampling:
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
         first = np.flatnonzero(np.append(True, new))
         lengths = np.add.reduceat(self.lengths, first)
-        return replace(self, starts=self.starts[first], lengths=lengths, levels=self.levels[first])
-
-
-@dataclass(frozen=True, eq=False)
-class Signal(Sampling):
-    """A Sampling with the values of one channel: all stretches one after the other, (n,)."""
-
-    values: np.ndarray
+        return Signal(self.rate, self.starts[first], lengths, self.levels[first])
 
     def is_constant(self):
         """Return whether no stretch ever changes."""
         return not any(np.ptp(x) for x in self.split(self.values))
-
-    def means(self, size):
-        """Return the Signal of means over `size` samples, counted from the start of each stretch.
-
-        None where all stretches are shorter.
-        """
-        number = self.lengths // size
-        kept, parts = number > 0, zip(self.split(self.values), number, strict=True)
-        if not kept.any():
-            return None
-        values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in parts])
-        starts = self.starts[kept] // size
-        levels = np.unique(self.levels[kept], return_inverse=True)[1]
-        return Signal(self.rate / size, starts - starts[0], number[kept], levels, values)
 
     @cached_property
     def power(self):
