@@ -173,3 +173,13 @@ def test_a_line_without_noise_is_one_line():
     (line,) = noise.sinusoid
     assert line.amplitude.value == pytest.approx(1.0, rel=1e-9)
     assert noise.N.upper95 < 1e-11
+
+
+def test_three_seconds_give_white_noise_and_limits_of_the_rest():
+    """The figures of docs/questions.md: 600 values at 200 Hz, twenty records."""
+    short = unbroken(200.0, 600)
+    for seed in range(20):
+        values = white(600, 1 / 200, 0.01, np.random.default_rng(seed))
+        noise = estimate_axis(modes([short]), [replace(short, values=values)], SETTINGS).noise
+        assert np.ptp(noise.N.ci95) < 4 * 0.04 * 0.01 and abs(noise.N.value - 0.01) < 0.12 * 0.01
+        assert not noise.B.identifiable and not noise.K.identifiable and noise.K.upper95 > 0
