@@ -88,6 +88,8 @@ WAYS = {
            (lambda log, stamp=stamp: text(log.assign(t=[*map(stamp, log.t)])), {})
        for stamp in (lambda t: f"59:{50 + t:06.3f}",
                      lambda t: f"9:08:{t:06.3f}".replace(".", ":"))},
+    "no stamp in the column of time": (lambda log: text(log.assign(t="")), {"rate": 100}, (),
+                                       {"columns": lambda found: "time" not in found}),
     "a header in Latin-1": (in_latin_1, {"columns": {"time": 0}}, (),
                             {"units.angular_rate": "deg/s"}, ROUNDED),
     "empty fields between tabs":
