@@ -90,6 +90,7 @@ WAYS = {
                      lambda t: f"9:08:{t:06.3f}".replace(".", ":"))},
     "no stamp in the column of time": (lambda log: text(log.assign(t="")), {"rate": 100}, (),
                                        {"columns": lambda found: "time" not in found}),
+    "comments at the end": (lambda log: text(log) + "# 500 rows\n#\n", {}, (), {"bad_lines": 0}),
     "a header in Latin-1": (in_latin_1, {"columns": {"time": 0}}, (),
                             {"units.angular_rate": "deg/s"}, ROUNDED),
     "empty fields between tabs":

@@ -34,6 +34,8 @@ ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
 IN_FOLDER = "data.csv"
 # a line with an open quote
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
+# lines of comments at the end, and the bytes in which they are looked for
+_LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
 # most texts in a column that names the sensors
 _KINDS = 20
 _CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
@@ -137,6 +139,8 @@ def text_columns(source, layout, positions, log, stamps):
     """
     text = unpacked(source)
     del text[: layout.start]
+    if comments := _LAST_COMMENTS.search(text, max(0, len(text) - _LONGEST_END)):
+        del text[comments.start() + 1 :]
     if not text.isascii() or b"\0" in text:
         text = text.translate(_ASCII)
     log.text_bytes += _weight(text)
