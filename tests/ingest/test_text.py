@@ -90,6 +90,9 @@ WAYS = {
                      lambda t: f"9:08:{t:06.3f}".replace(".", ":"))},
     "no stamp in the column of time": (lambda log: text(log.assign(t="")), {"rate": 100}, (),
                                        {"columns": lambda found: "time" not in found}),
+    **{f"a column {name} of one device":
+           (lambda log, name=name, values=values: text(log.assign(**{name: values})), {})
+       for name, values in (("SensorId", 7), ("address", range(500)))},
     "comments at the end": (lambda log: text(log) + "# 500 rows\n#\n", {}, (), {"bad_lines": 0}),
     "a header in Latin-1": (in_latin_1, {"columns": {"time": 0}}, (),
                             {"units.angular_rate": "deg/s"}, ROUNDED),

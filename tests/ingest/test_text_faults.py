@@ -9,7 +9,7 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest import delimited
 from ingest.logs import brief
-from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, text
+from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, text, two_devices
 
 TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 COMMENTS = "\n".join(f"%IMUA,{row}" for row in TEXT.splitlines()[1:])
@@ -37,6 +37,10 @@ SECOND = "a second header in the log has another column in place of ax"
         (lambda: gyroflow(brief(), 1 / 400, lambda _: "?"), "look like counts"),
         (lambda: inserted(brief(), 490, "t,ay,ax,az,gx,gy,gz"), SECOND),
         (lambda: inserted(brief(), 490, "# t, gx, gy, gz, ax, ay, az"), SECOND),
+        (
+            lambda: text(two_devices(brief())),
+            "as column 'DeviceName' says (left, right): split the",
+        ),
         (lambda: text(brief()) + "0" * (1 << 21), "of the log's bytes are in"),
     ],
 )
