@@ -305,6 +305,15 @@ def test_the_noise_of_a_log_with_the_files_of_filters(tmp_path, capsys):
     assert curve["adev"] == pytest.approx(2e-3 * np.sqrt(rate), rel=0.02)
 
 
+def test_an_axis_without_noise_is_left_open_and_so_are_the_files_of_filters(tmp_path, capsys):
+    log = pd.DataFrame(np.random.default_rng(5).normal(0, 0.01, (7000, 6)), columns=[*CHANNELS])
+    log.assign(t=log.index / 100, az=log.az + 9.81, gy=0.0).to_csv(tmp_path / "rest.csv")
+    assert main(["noise", str(tmp_path / "rest.csv"), "-o", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr().out
+    assert "gy: output is constant, no coefficient estimated" in shown
+    assert "openvins_kalibr_imu_chain.yaml is not written: no noise: K of gy" in shown
+
+
 def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
     log = pd.DataFrame({"t": np.arange(6000) / 100})
     for k, channel in enumerate(CHANNELS):

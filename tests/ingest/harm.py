@@ -147,8 +147,8 @@ def first(log, rows):
     return log[:rows]
 
 
-def without(log, label):
-    return log.drop(index=[label])
+def without(log, label, count=1):
+    return log.drop(index=range(label, label + count))
 
 
 def lost(log, share):

@@ -33,6 +33,7 @@ from ingest.text_forms import (
 ROUNDED = 1e-12
 PREAMBLE = "\ufeffLogger 3, version 2\n\n"
 MONTH, SLASHES = "%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"
+AMERICAN = "%m/%d/%Y %I:%M:%S.%f %p"
 BRACKETS = "s,m/(s^2),m/(s^2),m/(s^2),rad/s,rad/s,rad/s"
 # lines of text, and whether they count as bad lines, or as rows without numbers
 OTHERS = {"start,of,a,new,part,of,it": 0, "battery low": 1, "mag_x,mag_y,mag_z": 1, "#t 5": 1}
@@ -81,7 +82,18 @@ WAYS = {
     "a row of units with brackets in them": (lambda log: inserted(log, 1, BRACKETS), {}),
     "decimal commas with dates that have a point": (decimal_commas, {}),
     **{f"dates as {form}": (lambda log, form=form: text(dated(log, form)), {}, (),
-                            {"start": "2023-02-28T23:59:58.500000Z"}) for form in (MONTH, SLASHES)},
+                            {"start": "2023-02-28T23:59:58.500000Z"})
+       for form in (MONTH, SLASHES, AMERICAN)},
+    **{f"a time as {stamp(0.25)}":
+           (lambda log, stamp=stamp: text(log.assign(t=[*map(stamp, log.t)])), {})
+       for stamp in (lambda t: f"59:{50 + t:06.3f}",
+                     lambda t: f"9:08:{t:06.3f}".replace(".", ":"))},
+    "no stamp in the column of time": (lambda log: text(log.assign(t="")), {"rate": 100}, (),
+                                       {"columns": lambda found: "time" not in found}),
+    **{f"a column {name} of one device":
+           (lambda log, name=name, values=values: text(log.assign(**{name: values})), {})
+       for name, values in (("SensorId", 7), ("address", range(500)))},
+    "comments at the end": (lambda log: text(log) + "# 500 rows\n#\n", {}, (), {"bad_lines": 0}),
     "a header in Latin-1": (in_latin_1, {"columns": {"time": 0}}, (),
                             {"units.angular_rate": "deg/s"}, ROUNDED),
     "empty fields between tabs":

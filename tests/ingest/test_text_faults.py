@@ -9,7 +9,7 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest import delimited
 from ingest.logs import brief
-from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, text
+from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, text, two_devices
 
 TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 COMMENTS = "\n".join(f"%IMUA,{row}" for row in TEXT.splitlines()[1:])
@@ -37,6 +37,10 @@ SECOND = "a second header in the log has another column in place of ax"
         (lambda: gyroflow(brief(), 1 / 400, lambda _: "?"), "look like counts"),
         (lambda: inserted(brief(), 490, "t,ay,ax,az,gx,gy,gz"), SECOND),
         (lambda: inserted(brief(), 490, "# t, gx, gy, gz, ax, ay, az"), SECOND),
+        (
+            lambda: text(two_devices(brief())),
+            "as column 'DeviceName' says (left, right): split the",
+        ),
         (lambda: text(brief()) + "0" * (1 << 21), "of the log's bytes are in"),
     ],
 )
@@ -67,7 +71,7 @@ MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
         ({}, {"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
         ({}, {"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
         ({}, {"columns": {"acceleration": ["ax", "ay", "-az2"]}}, "no column 'az2'"),
-        (HEADLESS, {}, "by number from 0"),
+        (HEADLESS, {}, r"by number from 0.*columns\.acceleration.*s\.angular_rate.*s\.time"),
         (HEADLESS, {"columns": MIXED}, "no header, so 'ax' cannot be found"),
         (HEADLESS, {"columns": SIX_BY_NUMBER}, "there is no column 7; the log has 7"),
         ({"header": ["host", *SIX]}, {}, "no time column of a usual name .*host"),

@@ -38,6 +38,13 @@ def renamed(folder, log):
     return shutil.copy(bag(folder, log) / "log.db3", folder / "run #3 100% a?b.db3")
 
 
+def unwritten(folder, log, alone=False):
+    """A recording that crashed: SQLite has not yet put all into its file."""
+    path = bag(folder, log)
+    (path / "log.db3-wal").write_bytes(b"x")
+    return path / "log.db3" if alone else path
+
+
 def in_parts(folder, log):
     """A recording in several files, without metadata."""
     (folder / "split").mkdir()
@@ -133,6 +140,9 @@ MINE_2 = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
 # how to write the log, the columns as declared, the column found, and a line
 READ = {
     "ros, a file": (renamed, {}, "/imu.linear_acceleration.x", ""),
+    **{f"ros, unwritten, alone {alone}":
+           (partial(unwritten, alone=alone), {}, "/imu.linear_acceleration.x",
+            "log.db3-wal holds data that SQLite had not yet put into the bag") for alone in (0, 1)},
     "ros, parts": (in_parts, {}, "/imu.linear_acceleration.x", "the folder has no metadata.yaml"),
     "ros, a topic": (partial(bag, imu=False, **TOPICS),
                      {"acceleration": "/acc", "angular_rate": TWISTS}, "/acc.vector.x", ""),
@@ -385,6 +395,8 @@ REFUSED = {
     "no metadata": (without("metadata.yaml", "a: b"), {}, False, "log is damaged, .*Reader"),
     "a false definition": (false_definition, {}, False, f"/b: its {IMU} is not the one that ROS"),
     "no such topic": (bag, NO_STREAM, True, "no stream '/gyro'; there are /imu"),
+    "a topic that is not yet written": (unwritten, NO_STREAM, False,
+                                        "no stream '/gyro'.*it may be lost to damage: log.db3-wal"),
     "a topic that is lost": (cut, {"angular_rate": "sensor_gyro_9"}, False,
                              "no stream 'sensor_gyro_9'.*it may be lost to damage: the file ends"),
     "no topic": (own_topic, {}, False, "no rows of sensor_combined, sensor_accel"),

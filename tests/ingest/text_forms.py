@@ -119,6 +119,10 @@ def unreadable(log):
     return "\n".join(every) + "\n0.5,1"
 
 
+def two_devices(log):
+    return log.assign(DeviceName=["left", "right"] * (len(log) // 2))
+
+
 def beside_emg(log):
     """A sensor of 300 Hz next to the IMU, whose columns end first."""
     emg = pd.DataFrame({"s": np.arange(1500) / 300, "emg": 0.5})

@@ -1,7 +1,6 @@
 """``imuloop noise``: noise coefficients and Allan deviation of one log, for a filter's settings."""
 
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -19,13 +18,13 @@ from imuloop.commands.logs import (
     refuse_rejected,
 )
 from imuloop.commands.options import add_arguments
-from imuloop.core.errors import ImuloopError, Lacking
+from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.core.segments import MOTION
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
-from imuloop.export.values import Exported, values
+from imuloop.export.values import Exported, reasons, values
 from imuloop.model.calibration import Calibration
 from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.allan import session_curves
@@ -95,16 +94,17 @@ def written(folder, session, found):
     exported = Exported(
         name, name, nominal, found.model, found.rate_hz, found.notes, sensors=(*found.rates_hz,)
     )
+    lacking = reasons(exported)
     for each in FORMATS:
-        with suppress(Lacking):
-            if each.file == IDENTITY:
-                text = render(each.file, values(exported))
-            elif NEEDS.issuperset(each.needs):
-                text = each.text(exported)
-            else:
-                continue
-            paths.append(folder / each.file)
-            paths[-1].write_text(text, encoding="utf-8", newline="\n")
+        needs = NEEDS if each.file == IDENTITY else {*each.needs}
+        if not needs <= NEEDS:
+            continue
+        if missing := needs & {*lacking}:
+            say(f"{each.file} is not written: {lacking[min(missing)]}")
+            continue
+        paths.append(folder / each.file)
+        text = render(each.file, values(exported))
+        paths[-1].write_text(text, encoding="utf-8", newline="\n")
     allan = pd.DataFrame(session_curves(session, NoiseSettings()))
     if allan.empty:
         say("no Allan curve: AllanTools is not installed, or the rests are too short")

@@ -153,12 +153,15 @@ def resolve(names, declared=None, headed=True):
 
 def lacking(quantity, columns):
     """Return the error of a log without the columns of a sensor; `columns` lists those it has."""
-    how = "number from 0" if columns.startswith("no header") else "name"
-    such = ", such as [1, 2, 3]" * how.startswith("number")
+    name = f"name its x, y, z by name in columns.{quantity}"
+    if columns.startswith("no header"):
+        name = (
+            "name its x, y, z by number from 0, such as [1, 2, 3], in columns.acceleration, those "
+            "of the other sensor in columns.angular_rate, and the time in columns.time"
+        )
     return Lacking(
-        f"no columns of {quantity} found ({columns}); name its x, y, z by {how} in "
-        f"columns.{quantity}{such}, or give both files where another holds it, {PAIR}, or declare "
-        f"columns.{quantity}: null where it was not logged"
+        f"no columns of {quantity} found ({columns}); {name}, or give both files where another "
+        f"holds it, {PAIR}, or declare columns.{quantity}: null where it was not logged"
     )
 
 

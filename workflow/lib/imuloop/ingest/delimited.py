@@ -2,6 +2,7 @@
 
 import re
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor
+from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, names_device
 from imuloop.ingest.stamps import no_stamps, stamp_array
 from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
 from imuloop.ingest.text_layout import (
@@ -34,6 +35,8 @@ ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
 IN_FOLDER = "data.csv"
 # a line with an open quote
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
+# lines of comments at the end, and the bytes in which they are looked for
+_LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
 # most texts in a column that names the sensors
 _KINDS = 20
 _CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
@@ -60,6 +63,7 @@ def read(paths, columns=None):
         return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
     chosen, count = resolve(layout.names, columns, layout.headed), RawLog()
+    _refuse_devices(layout, chosen)
     units, nominal, tick = _scaled(layout, chosen)
     skipped = len(layout.before)
     notes = [f"{skipped} line(s) before the table skipped"] if skipped and not nominal else []
@@ -106,6 +110,24 @@ def _by_sensor(source, layout):
     return parts
 
 
+def _refuse_devices(layout, chosen):
+    """Reject a table whose first rows are of several devices in turn, as a column says.
+
+    `chosen` are the Columns of the sensors. A row counts if it has values of them, not all zero.
+    """
+    rows = [[*row, *[""] * len(layout.names)] for row in layout.rows]
+    for sensor in filter(None, (chosen.acceleration, chosen.angular_rate)):
+        rows = [row for row in rows if {row[at].strip("+-0.,") for at in sensor} - {*MISSING}]
+    for at, name in enumerate(layout.names):
+        ids = [row[at] for row in rows if row[at]] if layout.headed and names_device(name) else []
+        if 1 < len({*ids}) <= sum(one != other for one, other in pairwise(ids)):
+            which = ", ".join([*dict.fromkeys(ids)][:4])[:200]
+            raise RejectedLog(
+                f"the rows are of several devices in turn, as column '{name[:80]}' says ({which}): "
+                "split the log, so that each file holds one device"
+            )
+
+
 def _scaled(layout, chosen):
     """Return units, scales of counts, and the tick in the unit of time.
 
@@ -137,6 +159,8 @@ def text_columns(source, layout, positions, log, stamps):
     """
     text = unpacked(source)
     del text[: layout.start]
+    if comments := _LAST_COMMENTS.search(text, max(0, len(text) - _LONGEST_END)):
+        del text[comments.start() + 1 :]
     if not text.isascii() or b"\0" in text:
         text = text.translate(_ASCII)
     log.text_bytes += _weight(text)

@@ -17,8 +17,11 @@ HALF = 0.5
 # share of a step by which nine in ten stamps scatter, from which on they are made even: less is
 # noise of a host's clock
 SCATTER = 0.12
-# as few are an accident: rows of a part, parts of a log, missing samples, rows with a shared stamp;
-# also the bins of a mean step in the spectrum of the stamps
+# parts of a log whose time stamps lie on one line, of ten rows at least: fewer parts hide lost
+# samples
+PARTS = 20
+# as few are an accident: transfers, missing samples, rows with a shared stamp; also the bins of a
+# mean step in the spectrum of the stamps
 ENOUGH = 16
 # mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
 _BLOCK, _PHASE = 4096, 512
@@ -85,7 +88,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < 12 * ENOUGH:
+    if len(t) < 10 * PARTS:
         return None
     mean = (t[-1] - t[0]) / (rows[-1] - rows[0])
     if np.ptp(t - mean * rows) < SCATTER / 2 * mean and not packets:
@@ -97,8 +100,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     too_even = single and (increments or scatter < SCATTER * step)
     if too_even or not np.isfinite(1 / step):
         return None
-    medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
-    limit = step / 2 if single else max(scatter, step / 2)
+    medians = [np.median(part) for part in np.array_split(away, PARTS)]
+    limit = max(scatter, step / 2) if packets else step / 2 if single else scatter
     on_line = np.ptp(medians) <= limit and scatter <= HALF
     even, clean = Even(step) if on_line else None, False
     if numbers := _number_samples(rows, t, packets):
@@ -126,8 +129,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range that holds nine in ten values, the median of 16 parts."""
-    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, ENOUGH)]
+    """Return the width of the range that holds nine in ten values, the median of `PARTS` parts."""
+    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
     return np.median(np.ptp(ends, axis=1))
 
 

@@ -16,6 +16,7 @@ from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import CHANNELS, LOGGED_TIME, TEMPERATURE, TIME, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import checks, clocks, even_stamps, increments, pps, quality, reference
+from imuloop.ingest.columns import STAMP
 from imuloop.ingest.convert import Counts, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.places import PAIR, for_reader, in_config
@@ -169,7 +170,12 @@ def read(paths, declared):
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
     try:
         found.format, form = find_format(declared.format, found.of_log)
-        found.log = form.read(found.of_log, columns or None)
+        log = found.log = form.read(found.of_log, columns or None)
+        empty = "time" in log.found and log.batch[STAMP].null_count == log.batch.num_rows
+        if empty and declared.rate and "time" not in columns:
+            # the rate is enough
+            log.batch = log.batch.drop_columns([STAMP])
+            del log.found["time"]
         found.absent = absent_sensor(found.log, columns)
     except RejectedLog as error:
         found.log, found.fault = RawLog(), error

@@ -20,6 +20,8 @@ REMEDY = (
     "copy it again, or mend it, if its recording was cut off, with rosbag reindex, sqlite3 with "
     ".recover, or mcap recover; export an SQLite database of another kind as CSV"
 )
+# ends of the names of SQLite's files beside a bag whose recording was cut off
+_UNWRITTEN = ("-wal", "-journal")
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 # vectors of each type of message that is read; other types are passed over
@@ -41,8 +43,15 @@ def read(paths, columns=None):
     The stamps come from the headers in ns, or are the times of receipt if a topic's headers never
     change. `columns` names topics, or ``TOPIC.FIELD``.
     """
-    path, topics, notes, lost = Path(paths["log"]), {}, [], []
-    bags = [path]
+    path, topics, notes = Path(paths["log"]), {}, []
+    bags, beside = [path], [Path(f"{path}{end}") for end in _UNWRITTEN]
+    if path.is_dir():
+        beside = [file for file in path.iterdir() if file.name.endswith(_UNWRITTEN)]
+    lost = [
+        f"{file.name} holds data that SQLite had not yet put into the bag: they are not read"
+        for file in beside
+        if file.is_file() and file.stat().st_size
+    ]
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         # bag_2 before bag_10
         bags = sorted(path.iterdir(), key=lambda file: (len(file.name), file.name))

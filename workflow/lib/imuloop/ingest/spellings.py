@@ -169,6 +169,11 @@ def unit_of(quantity, where, names, increments=False):
     return " and ".join(units) or None
 
 
+def names_device(name):
+    """Return whether a column of this name says whose sample a row is."""
+    return _plain(name) in TABLE["device"]
+
+
 def increment_name(quantity, name):
     """Return the name in the table by which a column is a sensor's increment, or None."""
     match = _match(quantity, name)

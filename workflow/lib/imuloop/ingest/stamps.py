@@ -16,7 +16,9 @@ NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
 # stamps are below: their differences fit 64 bits; and the whole years of such ns
 MOST = 1 << 62
 YEARS = "1824 to 2115"
-_NAMED_MONTH = "%d-%b-%Y %H:%M:%S.%f"
+# other dates than ISO 8601, those of America with AM or PM
+_DATES = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
+_DATES += ("%m/%d/%Y %I:%M:%S.%f %p", "%m/%d/%Y %I:%M:%S %p")
 _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
 # numbers between 2000 and 2100 in their unit are taken as Unix time, ns
 _UNIX = (946_684_800 * 10**9, 4_102_444_800 * 10**9)
@@ -26,7 +28,7 @@ def parse_stamps(text):
     """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
 
     What cannot be read becomes null; stamps without a zone count as UTC. A time of the day, as
-    23:59:59.25, is its seconds.
+    23:59:59.25 or 23:59:59:250, is its seconds; so are minutes and seconds, 59:59.25.
     """
     for kind in (pa.int64(), pa.float64()):
         with suppress(pa.ArrowInvalid):
@@ -37,10 +39,13 @@ def parse_stamps(text):
         # whole numbers keep all their digits if a few others are unreadable
         number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
         return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
-    clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
+    # minutes and seconds alone; and milliseconds after a colon
+    clock = series.str.replace(r"^(\d\d:\d\d\.\d+)$", r"00:\1", regex=True)
+    clock = clock.str.replace(r"^(.*:\d\d:\d\d):(\d{3})$", r"\1.\2", regex=True)
+    clock = clock.where(clock.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
     if clock.notna().any():
         return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
-    for form in ("ISO8601", _NAMED_MONTH, _NAMED_MONTH.removesuffix(".%f")):
+    for form in ("ISO8601", *_DATES):
         moment = pd.to_datetime(series, format=form, utc=True, errors="coerce")
         if moment.notna().any():
             break
