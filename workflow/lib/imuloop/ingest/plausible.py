@@ -33,11 +33,12 @@ MOST_RATE, LEAST_RATE = 1e4, 0.7
 
 @dataclass(frozen=True)
 class Ratio:
-    """The ratio of a sensor's reading to gravity.
+    """How a sensor's reading compares with gravity.
 
-    The ratio has a `value`, a relative `error`, and `words`. The sensor is off if the value differs
-    from 1 by more than the factor `most`. `is_cut` tells that a part of the signal is missing,
-    which looks like another full scale.
+    The ratio of the reading to gravity has a `value`, a relative `error`, and `words`. It is the
+    specific force over gravity's magnitude, or the turns by the angular rate over the turns of
+    gravity's direction. The sensor is off if the value differs from 1 by more than the factor
+    `most`. `is_cut` tells that a part of the signal is missing, which looks like another full scale.
     """
 
     value: float
@@ -80,7 +81,7 @@ def readings(e, quantity, kind):
 
 
 def ratio_of(e, quantity):
-    """Return the Ratio of a sensor, None where the log shows none."""
+    """Return the Ratio of a sensor by the `Evidence` of a log, None if the log does not show it."""
     return force_ratio(e) if quantity == "acceleration" else turn_ratio(e.figures)
 
 

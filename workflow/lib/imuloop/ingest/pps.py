@@ -34,16 +34,12 @@ _WEEK = 604_800
 
 @dataclass(frozen=True)
 class Timeline:
-    """GNSS time `seconds` from the first mark over the local counter at marks, `counters`, rising.
+    """GNSS time as a function of a local counter, which is known at marks."""
 
-    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` the
-    entry of quality.json on the marks.
-    """
-
-    counters: np.ndarray
-    seconds: np.ndarray
-    start_ns: int | None
-    figures: dict
+    counters: np.ndarray  # (m,): the counter at each mark, increasing
+    seconds: np.ndarray  # (m,): GNSS time since the first mark, s
+    start_ns: int | None  # date of the first mark, ns since 1970; None if the marks have no date
+    figures: dict  # the entry on marks in quality.json
 
     def at(self, x):
         """Return GNSS time from the first mark, s, at counters of shape (n,)."""

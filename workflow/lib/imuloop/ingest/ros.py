@@ -84,10 +84,10 @@ def _link(path, target):
 
 
 def _gather(bag, topics):
-    """Add the messages of a bag to the topics, and return how many it lacks.
+    """Add the messages of a bag to the topics; return how many announced messages the bag lacks.
 
-    `topics` maps name and type of a topic to the stamps of its headers and of receipt in turn, its
-    values row by row, and a list with an entry per damaged message.
+    `topics` maps (name, type) to three sequences: stamps, ns, of header and receipt alternating;
+    values, row by row; times of receipt of the messages that could not be read.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore

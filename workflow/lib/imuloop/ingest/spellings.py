@@ -137,9 +137,9 @@ def named_sensor(text):
 
 
 def _ending(quantity, words, alone=True):
-    """Return the number of words before the words of the unit at their end, which may be none.
+    """Return the index of `words` where the unit at their end starts; their number without a unit.
 
-    If not `alone`, a single letter is a unit only after other words.
+    A single letter is a unit only after another word, unless `alone`.
     """
     for k in range(len(words)):
         text = "".join(words[k:])
