@@ -38,7 +38,7 @@ class Ratio:
     The ratio of the reading to gravity has a `value`, a relative `error`, and `words`. It is the
     specific force over gravity's magnitude, or the turns by the angular rate over the turns of
     gravity's direction. The sensor is off if the value differs from 1 by more than the factor
-    `most`. `is_cut` tells that a part of the signal is missing, which looks like another full scale.
+    `most`. `is_cut` tells that a part of the signal is missing, which looks like another range.
     """
 
     value: float
