@@ -184,6 +184,33 @@ def test_faults_are_named_all_at_once(faults):
     }
 
 
+def test_a_fault_hides_no_fault_that_takes_several_keys(faults):
+    """A wrong unit and a missing file beside counts without a scale, reserved names, a range."""
+    text = f"""
+    devices:
+      figures: {{label: '', sessions: {{exports: {{kind: statc, file: poses.csv}}}}}}
+      a:
+        range: {{acceleration: 16 g}}
+        sessions: {{x: {{{SOUND}, units: {{time: sec}}}}}}
+      b:
+        sessions:
+          x: {{kind: static, file: none.csv, units: {{acceleration: count, time: sec}}}}
+          y: {{{SOUND}, units: {{acceleration: count}}}}
+    """
+    assert {line.split(": ")[0] for line in faults(text)} == {
+        "devices.figures",
+        "devices.figures.label",
+        "devices.figures.sessions.exports",
+        "devices.figures.sessions.exports.kind",
+        "devices.a.range",
+        "devices.a.sessions.x.units.time",
+        "devices.b.sessions.x.file",
+        "devices.b.sessions.x.units.time",
+        "devices.b.sessions.x.units.acceleration",
+        "devices.b.sessions.y.units.acceleration",
+    }
+
+
 @pytest.mark.parametrize(
     ("quantity", "written", "hint"),
     [

@@ -161,8 +161,10 @@ def feather(folder, stamps, values, kind="f8", packing="lz4"):
 
 def records(folder, stamps, values, kind="f8", order="<"):
     kinds = {name: order + kind for name in SIX} | {"t": f"{order}i8"}
-    np.save(folder / "log.npy", frame(stamps, values).to_records(False, column_dtypes=kinds))
-    return folder / "log.npy"
+    table = frame(stamps, values).to_records(False, column_dtypes=kinds)
+    np.save(folder / "log.npy", table)
+    np.savez(folder / "log.npz", imu=table)
+    return folder / f"log.{'npy' if kind == 'f8' else 'npz'}"
 
 
 def netcdf(folder, stamps, values, kind="f8", variant="NETCDF4"):

@@ -154,7 +154,10 @@ def calibrate(
             bar.set_description(stage.__name__)
             stage(device)
             bar.update()
-    result = Result(device, None if folder else kept)
+        result = Result(device, None if folder else kept)
+        if folder:
+            # a folder that is kept holds all files of a device
+            result.write_curves()
     for text in (*result.failures, *result.notes):
         # at the line that calls `imuloop.calibrate`
         warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)

@@ -10,7 +10,7 @@ import yaml
 from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
-from imuloop.config_model import BRANCH, CALLED, Config
+from imuloop.config_model import BRANCH, CALLED, Config, is_branch
 from imuloop.config_text import LOADER, key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
@@ -92,7 +92,7 @@ def _validation_faults(config, context=None):
     except ValidationError as error:
         for each in error.errors():
             # the branches of a type of several kinds are not keys
-            key = tuple(part for part in each["loc"] if not _is_branch(part))
+            key = tuple(part for part in each["loc"] if not is_branch(part))
             if text := _text(each, key):
                 yield key, text
 
@@ -149,11 +149,6 @@ def _text(error, key):
     return str(context["error"]) if "error" in context else f"{shown} is not {_kind(rule)}"
 
 
-def _is_branch(part):
-    """Return whether a part of a path in pydantic's error is a branch, not a key of the config."""
-    return part == "[key]" or str(part).startswith(BRANCH)
-
-
 def _kind(name):
     """Return words for the expected kind, by the type of pydantic's error or a type's branch."""
     return _KINDS.get(name.removeprefix(BRANCH).removesuffix("_type"), "a mapping of keys")
@@ -165,7 +160,7 @@ def _known_keys(path):
     for part in path:
         if get_origin(model) in (dict, list):
             model = get_args(model)[-1]
-        elif _is_branch(part):
+        elif is_branch(part):
             members = get_args(model)
             model = next(get_args(each)[0] for each in members if Tag(part) in each.__metadata__)
         else:

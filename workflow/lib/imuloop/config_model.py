@@ -5,6 +5,8 @@ These models check a config, and they write ``workflow/schemas/config.schema.yam
 """
 
 import os
+from contextlib import suppress
+from copy import deepcopy
 from datetime import datetime
 from typing import Annotated, Literal, Union
 
@@ -98,6 +100,31 @@ def columns(count):
     return Annotated[list[Column], limits, AfterValidator(_different)]
 
 
+def is_branch(part):
+    """Return whether a part of a path in pydantic's error is a branch, not a key of the config."""
+    return part == "[key]" or str(part).startswith(BRANCH)
+
+
+def _without_values(data, paths):
+    """Return nested data, copied, in which the values at `paths` are None."""
+    if paths:
+        data = deepcopy(data)
+    for path in paths:
+        node, keys = data, [part for part in path if not is_branch(part)]
+        # a missing key has no value
+        with suppress(LookupError, TypeError):
+            for key in keys[:-1]:
+                node = node[key]
+            if node[keys[-1]] is not None:
+                node[keys[-1]] = None
+    return data
+
+
+def _holds_none(value):
+    """Return whether a value in nested mappings is None."""
+    return value is None or (isinstance(value, dict) and any(map(_holds_none, value.values())))
+
+
 class Keys(BaseModel):
     """A mapping of keys without unknown ones."""
 
@@ -110,7 +137,7 @@ class Keys(BaseModel):
         Parameters
         ----------
         keys : dict
-            The keys as written; a value that has a fault itself is None.
+            The keys as written; each value that has a fault itself, at any depth, is None.
         context : dict or None
             ``{"replicas": …}`` where the files that are named have to exist, else None.
 
@@ -132,7 +159,7 @@ class Keys(BaseModel):
         except ValidationError as error:
             errors = error.errors(include_url=False)
         if isinstance(data, dict):
-            keys = data | {error["loc"][0]: None for error in errors if error["loc"][0] in data}
+            keys = _without_values(data, [error["loc"] for error in errors])
             for path, text in cls.faults(keys, info.context):
                 context = {"error": ValueError(text)}
                 errors.append({"type": "value_error", "loc": path, "input": data, "ctx": context})
@@ -495,29 +522,32 @@ class Device(Keys):
     @classmethod
     def faults(cls, keys, context):
         """Yield the faults of the ranges and of the scales of counts."""
-        sensor, faults = keys.get("sensor"), []
-        for quantity, name in (keys.get("range") or {}).items() if sensor else ():
+        faults, sensor = [], keys.get("sensor")
+        ranges, nominal = (keys.get(key) or {} for key in ("range", "nominal"))
+        for quantity, name in ranges.items() if sensor else ():
             try:
                 find_sensor(sensor).choose_range(quantity, name)
             except ImuloopError as error:
                 faults.append((("range", quantity), str(error)))
-        if "range" in keys and "sensor" not in keys:
+        if ranges and "sensor" not in keys:
             faults.append((("range",), "needs the device's sensor"))
-        for quantity, counts in (keys.get("nominal") or {}).items():
-            if "sensor" not in keys and "offset" in counts and "scale" not in counts:
+        for quantity, counts in nominal.items():
+            if "sensor" not in keys and "offset" in (counts or {}) and "scale" not in counts:
                 faults.append((("nominal", quantity, "scale"), "missing; offset needs it"))
         yield from faults
         sessions = keys.get("sessions") or {}
         if "exports" in sessions:
             text = "'exports' is reserved for a folder of results; name the session otherwise"
             yield ("sessions", "exports"), text
-        if faults or None in map(keys.get, {"sensor", "range", "nominal"} & {*keys}):
+        # without the scales of counts it is unknown which units need them
+        if faults or _holds_none({k: keys[k] for k in {"sensor", "range", "nominal"} & {*keys}}):
             return
         scales = known_figures(keys)["nominal"]
         for name, session in sessions.items():
+            units = (session or {}).get("units") or {}
             for quantity in PARTS:
                 stated = scales.get(quantity, {})
-                if session.get("units", {}).get(quantity) == "count" and "scale" not in stated:
+                if units.get(quantity) == "count" and "scale" not in stated:
                     text = f"'count' needs the device's {needed_by_counts(quantity, stated)}"
                     yield ("sessions", name, "units", quantity), text
 

@@ -86,9 +86,9 @@ _TERMS = {"gauss_markov": GaussMarkovTerm, "sinusoid": SinusoidTerm, "low_pass":
 def _read(content, name=""):
     """Return a value of noise.json as the field `name` of an AxisNoise, or of one of its terms.
 
-    A dict becomes a term or a Coefficient, and a list a tuple.
+    A dict becomes a term or a Coefficient, and a list or a tuple a tuple of them.
     """
-    if isinstance(content, list):
+    if isinstance(content, (list, tuple)):
         return tuple(_read(value, name) for value in content)
     if not isinstance(content, dict):
         return content

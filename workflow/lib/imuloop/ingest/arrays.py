@@ -3,6 +3,7 @@
 import os
 import re
 import zipfile
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -191,19 +192,22 @@ def read_numpy(paths, columns=None):
     A structured array has a column per field. Pickled objects are never loaded.
     """
     path, tree = paths["log"], {}
-    if not zipfile.is_zipfile(path):
-        return _log(dict(_leaves({"": np.load(path, "r", allow_pickle=False)})), columns)
-    with zipfile.ZipFile(path) as archive:
-        check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.infolist()))
-    with np.load(path, allow_pickle=False) as archive:
+    if zipped := zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.infolist()))
+    with np.load(path, allow_pickle=False) if zipped else nullcontext([""]) as archive:
         for name in archive:
             try:
-                tree[name] = archive[name]
+                tree[name] = archive[name] if zipped else np.load(path, "r", allow_pickle=False)
             except ValueError as error:
-                if "allow_pickle" not in str(error):
+                if not re.search("pickle|Python objects", str(error)):
                     raise
                 tree[name] = "a pickled object, which is not loaded: save numbers"
-    return _log(dict(_leaves(tree)), columns)
+    arrays = dict(_leaves(tree))
+    if len(tree) == 1 < len(arrays):
+        # the fields of a structured array that is alone are columns by their own names
+        arrays = {name.removeprefix(f"{one_line(*tree)}."): x for name, x in arrays.items()}
+    return _log(arrays, columns)
 
 
 def read_matlab(paths, columns=None):

@@ -43,8 +43,9 @@ LEAST_REST, MOST_TILT = 0.5, 0.15
 # the device turns to and fro where the mean rate of half a second changes by more, rad/s, and by so
 # many times the power of white noise
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
-# times that an integer wraps around: a log of several joined logs has such a jump once or twice
-LEAST_WRAPS = 3
+# times that an integer wraps around, to be named and to make the log useless: a log of several
+# joined logs has such a jump once or twice
+LEAST_WRAPS, MOST_WRAPS = 3, 20
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,13 @@ def _held(e):
     return [f"{s} for {n:.3g} rows" for s, n in e.faults["rows_a_value"].items() if n > 1]
 
 
+def _wraps(e, least):
+    found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
+    return max(found.values(), default=0) >= least and listed(found, "{} {} times")
+
+
+_WRAP = "an integer that wraps around from one end of its range to the other: {}"
+_WIDEN = "widen it in the logger, or choose a wider full scale"
 _LOST = f"at most {MOST_DROPPED:.0%} may be lost"
 _STILL = "a static session lies still: declare another kind, or crop it with time_range"
 
@@ -194,9 +202,10 @@ CHECKS = [
           np.ptp(e.figures["range"][n] or 0.0) < LEAST_CHANGE], "{}: changing by less in the whole "
           "log than any sensor resolves", "see units.acceleration and units.angular_rate"),
     # contradictions to the declaration: these checks need the faults and gravity
-    Check("overflow", DOUBTFUL, lambda e: listed({n: k for n, k in e.faults["wraps"].items() if
-          k >= LEAST_WRAPS}, "{} {} times"), "an integer that wraps around from one end of its "
-          "range to the other: {}", "widen it in the logger, or choose a wider full scale", "jump"),
+    Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
+          "overflow force rate rest"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
+          "overflow jump"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
           "force rate"),

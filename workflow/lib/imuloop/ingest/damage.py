@@ -48,4 +48,5 @@ def read_whole(name, form, paths, columns=None):
         large = isinstance(error, MemoryError)
         what = "does not fit the memory" if large else f"is damaged, or not of the format {name}"
         why = f"{type(error).__name__}: {error}".replace(str(path), "the file")
-        raise RejectedLog(f"{path.name} {what} ({one_line(why)[:150]}): {form.remedy}") from error
+        remedy = "save it in parts" if large else form.remedy
+        raise RejectedLog(f"{path.name} {what} ({one_line(why)[:150]}): {remedy}") from error
