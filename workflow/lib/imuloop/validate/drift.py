@@ -31,7 +31,7 @@ class Change:
     change, sigmas : float
         The change, and its ratio to `std`.
     measured_std : float
-        Standard error of the change by the old calibration and the new log.
+        Standard error of the change by the errors of the old calibration and of the new log.
     std : float
         Standard error that also includes the scatter of a bias between power cycles.
     p_value, p_holm : float
@@ -201,8 +201,10 @@ def _test(log, turn_on, level):
     basis, scatter = np.hstack([test.basis for test in tests.values()]), np.zeros(len(old.x))
     for name in SENSORS:
         scatter[log.places(name, BIASES)] = np.square(turn_on[name])
-    # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
-    # hide the noise, as the derivative is not quite the same at the old and at the new parameters
+    # the log alone determines the change of a bias, so the scatter adds to the error of this
+    # change, below. In the covariance S of the residuals it would hide the noise, as the derivative
+    # is not quite the same at the old and at the new parameters; S has the scatter only in the
+    # directions that are not fitted, on which `hidden` projects
     hidden = np.eye(len(basis)) - basis @ basis.T
     change, measured, expected = log.fit_change(basis, old_covariance + hidden * scatter @ hidden)
     covariance = measured + basis.T * scatter @ basis
