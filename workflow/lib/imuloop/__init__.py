@@ -25,7 +25,10 @@ __all__ = [*_PLACES]
 
 
 def __getattr__(name):
-    # imported when it is used, so that a script that needs no calibration does not load the model
+    """Return a public name, whose module is imported when the name is first used.
+
+    So a script that needs no calibration does not load the model.
+    """
     if name not in _PLACES:
         of = sys.modules[__name__]
         raise AttributeError(f"module 'imuloop' has no attribute '{name}'", name=name, obj=of)
@@ -37,4 +40,5 @@ def __getattr__(name):
 
 
 def __dir__():
+    """Return all names of the module, including public names that are not imported yet."""
     return sorted([*globals(), *__all__])

@@ -104,6 +104,7 @@ def device_faults(name, device):
     """
     log = {"kind": "static", "file": "log"}
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
+        # the key without "devices" and the name; a fault of the name itself has no more parts
         yield key[2:] or ("name",), text
 
 

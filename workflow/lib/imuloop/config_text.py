@@ -90,32 +90,32 @@ def _faults(node, key, traps):
     if isinstance(node, yaml.MappingNode):
         seen = set()
         for name, value in node.value:
-            own = (*key, name.value)
+            below = (*key, name.value)
             if name.value in seen:
                 line = name.start_mark.line + 1
-                yield own, f"given twice (again in line {line}); only one would count"
+                yield below, f"given twice (again in line {line}); only one would count"
             seen.add(name.value)
-            if traps and re.fullmatch(_NO_NAME, f"{_kind(name)} {name.value}"):
-                yield own, f"'{name.value}' is not text to YAML; write it in quotes"
-            yield from _faults(name, own, traps)
-            yield from _faults(value, own, traps)
+            if traps and re.fullmatch(_NO_NAME, f"{_yaml_type(name)} {name.value}"):
+                yield below, f"'{name.value}' is not text to YAML; write it in quotes"
+            yield from _faults(name, below, traps)
+            yield from _faults(value, below, traps)
     elif isinstance(node, yaml.SequenceNode):
         for i, value in enumerate(node.value):
             yield from _faults(value, (*key, i), traps)
     elif isinstance(node, yaml.ScalarNode) and not node.style:
-        for pattern, kind in traps:
-            if re.fullmatch(pattern, node.value) and re.fullmatch(kind, _kind(node)):
+        for pattern, types in traps:
+            if re.fullmatch(pattern, node.value) and re.fullmatch(types, _yaml_type(node)):
                 yield key, _trap(node)
 
 
-def _kind(node):
+def _yaml_type(node):
     """Return the type of a node of YAML, such as ``str``."""
     return node.tag.rpartition(":")[2]
 
 
 def _trap(node):
     """Return the fault of a value that YAML takes for another type than the user, text."""
-    written, kind = node.value, _kind(node)
+    written, kind = node.value, _yaml_type(node)
     if kind == "str":
         mantissa, exponent = written.lower().split("e")
         whole = mantissa if "." in mantissa else f"{mantissa}.0"

@@ -250,7 +250,7 @@ def calibrate_device(
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
 
     def calibrate(recording, turns=None):
-        """Return the calibrations of both sensors by a Recording and KnownTurns, by name."""
+        """Return the calibrations, by sensor, from a Recording and optional KnownTurns."""
         return calibrate_sensors(recording, model, gravity, units, settings, prior, turns)
 
     multi, six, turned = (read_recording(sessions, settings.longest_rotation, k) for k in GROUPS)

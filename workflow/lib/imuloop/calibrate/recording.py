@@ -204,10 +204,10 @@ class Recording:
         return calibration.apply(poses.f, at_poses), in_rotations.reshape(rotations.f.shape)
 
     def _history(self, sensor, output, align_other, reduce):
-        """Return the function with which Channels evaluate a function of the whole log.
+        """Return a function `history`, with which Channels evaluate a function of the whole log.
 
-        The returned function takes that function, of the LoggedChannels of a session, and its
-        constants. It returns the values at the points of the Channels.
+        `history` takes a function, of the LoggedChannels of a session and of constants, and these
+        constants. It returns the values of this function at the points of the Channels.
 
         Parameters
         ----------

@@ -320,7 +320,9 @@ class Places(Windows):
         parameters, (p,).
         """
         attitude, place, white = self.noise(model)
-        # a second difference of places has the variance 6 of one place
+        # variance of the specific force on the axes of the world: gravity by a wrong attitude, and
+        # white noise; a second difference of places has six times the variance of one place, in
+        # which the arm is turned by a wrong attitude, too
         force = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
         place = 6 * (place + (x[self.shared[1:4]] ** 2).sum() * attitude) / HALF**4
         return force * (self.weights**2).sum(axis=1) + place
@@ -347,7 +349,7 @@ class SetUp:
         """Return a value for each of the n residuals, (n,), given values of the windows.
 
         `values` is a function that takes the Windows of a sensor and returns an array with a value
-        per window; its three residuals have the same value.
+        per window. The three residuals of a window all get this value.
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 

@@ -56,10 +56,10 @@ def other_sensor(sensor):
 
 
 def at_rail(samples, rails, names):
-    """Return whether each sample is at the end of the range in one of some channels, (n,) of bool.
+    """Return whether each sample is at an end of the range in any of some channels, (n,) of bool.
 
-    `rails` are the ends of the ranges, {channel: (low, high)}; None for an end that is not reached.
-    `names` are the channels.
+    `names` are the names of these channels. `rails` are the ends of the ranges, {channel: (low,
+    high)}; an end is None if no sample reaches it.
     """
     clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
@@ -155,6 +155,7 @@ class Samples:
     """
 
     def __init__(self, source):
+        # columns that were read from a file are shared by all Samples made from these
         self._table = source._table if isinstance(source, Samples) else source
         self._columns = source._columns if isinstance(source, Samples) else {}
         if isinstance(self._table, (str, Path)):

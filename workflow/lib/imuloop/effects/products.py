@@ -72,7 +72,10 @@ class Product(Effect):
 
     @cached_property
     def parameters(self):
-        """Unit of the one parameter, the coefficient c, by its name, a dict."""
+        """Unit of the one parameter, the coefficient c, by its name, a dict.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
         units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
         return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}

@@ -43,7 +43,10 @@ class Steps(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of the first step, then of the next."""
+        """Units of the parameters by name: all axes of the first step, then of the next.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
     @classmethod
@@ -59,7 +62,7 @@ class Steps(Effect):
         return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the derivative of means over n windows with respect to h, (n, 3, 3 k).
+        """Return the derivative of the mean output over n windows with respect to h, (n, 3, 3 k).
 
         On each axis it is the share of each window after step k, or zero for a step of another
         session. Takes the name of the session, and start and end of its windows, s, (n, 2).

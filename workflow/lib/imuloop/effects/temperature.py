@@ -110,7 +110,10 @@ class BiasTemperature(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of order 1, then of the next."""
+        """Units of the parameters by name: all axes of order 1, then of the next.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         powers = {f"c{k}": f"output per K^{k}" for k in range(2, self.order + 1)}
         return per_axis({"c1": "output per K"} | powers)
 

@@ -35,7 +35,11 @@ class TurnOnBias(Effect):
 
     @property
     def parameters(self):
-        """Units by name, all axes of power cycles 2, 3, …; the first has minus the sum of these."""
+        """Units of the parameters by name: all axes of the second power cycle, then of the next.
+
+        The bias of the first power cycle is minus their sum. ``output`` stands for the SI unit of
+        the sensor.
+        """
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod

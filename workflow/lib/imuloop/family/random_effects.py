@@ -64,7 +64,7 @@ def fit(y, squares, counted=None):
     y, squares : array_like, shape (n,)
         Values and the squares of their known standard errors.
     counted : array_like of bool, shape (m, n), optional
-        The devices that each model is fitted to, two or more; all for one model if not given.
+        The devices that each model is fitted to, two or more; by default one model has all devices.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)

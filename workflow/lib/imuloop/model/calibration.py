@@ -128,7 +128,10 @@ class Calibration:
         return lines
 
     def refuse_nominal(self, where=None):
-        """Raise an ImuloopError if nothing was measured; it names `where` and says what to do."""
+        """Raise an ImuloopError if nothing was measured.
+
+        The message names `where`, a path or text, by default the device, and says what to do.
+        """
         if not self.measured:
             raise ImuloopError(
                 f"{where or self.device}: the calibration is nominal, nothing was measured: "

@@ -272,7 +272,7 @@ class FittedEffect:
         e is the design, the derivative of e with respect to the p parameters, (n, 3, p), at the n
         points of the Channels, times the parameters. The derivative with respect to each parameter
         is clamped to its range in the data that the effect was fitted to. `channels.clamped` gets a
-        mask, (n,), of the points at which it was clamped, under the name of the effect.
+        mask, (n,), of the points with a clamped derivative, under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:

@@ -154,6 +154,7 @@ def _between_disturbances(rows, stretches, step, settings):
     t, first = rows[TIME], own_rows(rows[stamps])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
+    # ranges of rows are converted to ranges of the slower sensor's samples, and the result back
     return edges[undisturbed_ranges(means, np.searchsorted(first, stretches), step, settings)]
 
 

@@ -156,7 +156,7 @@ def hum(n, dt, rms, frequency, rng):
 def chain(pieces, up, gravity, rate):
     """Return the Motion of consecutive pieces; `up` is the upward body axis at the start, (3,).
 
-    Takes local gravity, m/s^2, and the rate, Hz.
+    Takes local gravity, m/s^2, and the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0
