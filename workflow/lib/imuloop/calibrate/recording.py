@@ -48,8 +48,8 @@ class Log:
     def of(cls, samples, rails=None):
         """Return the Log of samples, a DataFrame or a dict of arrays.
 
-        `rails` has by channel the ends of its range, (low, high), SI; an end is None if no sample
-        reaches it. Without `rails` no sample counts as clipped.
+        `rails` has the ends of the range of each channel by name, (low, high), SI; an end is None
+        if no sample reaches it. By default no sample counts as clipped.
         """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():

@@ -126,8 +126,8 @@ class Windows:
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # A has the standard errors of T and of K, the latter relative to K, or the tolerance of
-        # the data sheet if this is smaller
+        # the prior standard deviations of A are the standard errors of T and, relative to K, of K,
+        # or the tolerance of the data sheet if this is smaller
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]

@@ -29,7 +29,7 @@ class Coefficient:
 
     @property
     def square(self):
-        """Square of the value, 0 if it is not identifiable."""
+        """Square of the value; 0 if the term is not identifiable."""
         return 0.0 if self.value is None else self.value**2
 
     @property

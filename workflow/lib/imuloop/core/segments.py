@@ -51,9 +51,9 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 def power_cycles(segments):
     """Return the number of the power cycle of each segment, (n,), from 0.
 
-    A gap that is longer than all other segments together ends a power cycle: the device was off, or
-    its clock was set. The true duration of such a gap is not known, so noise is independent before
-    and after it. Takes a table of segments.
+    A gap that is longer than all segments of other kinds together ends a power cycle: the device
+    was off, or the clock was set. The true duration of such a gap is not known, so noise is
+    independent before and after it. Takes a table of segments.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
     is_gap, duration = np.asarray(segments["kind"]) == GAP, end - start

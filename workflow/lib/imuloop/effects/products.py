@@ -46,16 +46,14 @@ class Product(Effect):
     bounds = {"reference_temperature": CELSIUS}
 
     def __post_init__(self):
-        """Set the attributes that depend on the factors; raise a ValueError if there is no product.
-
-        The property `factors` raises it for a formula.
-        """
+        """Set the attributes that depend on the factors; raise a ValueError for a wrong field."""
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
         # at rest the angular rate is zero: only motion shows its products to an accelerometer
         needs_motion = self.sensor == "accelerometer" and "w" in self.formula
         object.__setattr__(self, "sensors", (self.sensor,))
         object.__setattr__(self, "records", ("motion",) if needs_motion else ("poses",))
+        # the property `factors` raises a ValueError if the formula is not a product
         object.__setattr__(self, "needs", ("temperature",) if "θ" in self.factors else ())
 
     @cached_property

@@ -93,8 +93,8 @@ def data_sheet(tolerances=None):
     """Return the Prior of a data sheet.
 
     `tolerances` has, by sensor, a dict with the standard deviations of ``misalignment``,
-    ``scale_factor`` and ``bias``. A sensor without one has the tolerance of a generic device. The
-    mean is a sensor without errors, and all parameters are independent.
+    ``scale_factor`` and ``bias``. A sensor without such a dict has the tolerance of a generic
+    device. The mean is a sensor without errors, and all parameters are independent.
     """
     declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []

@@ -128,11 +128,11 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     the angular rate at rest, and the direction of gravity after each turn. J is their Jacobian.
     Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of the noise
     and C the covariance of the old parameters. The change δ of the parameters that the log
-    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is
-    the difference to a new calibration, and its covariance is the sum of both covariances. The
-    scatter of a bias between power cycles adds to this covariance. Two families of tests share the
-    level: each parameter by itself, and a χ² test per sensor of all its parameters. The p-values of
-    each family are adjusted by Holm's method.
+    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is a
+    new calibration less the old one, and the covariance of δ is the sum of the covariances of both.
+    The scatter of a bias between power cycles adds to this covariance. Two families of tests share
+    the level: each parameter by itself, and a χ² test of all parameters of a sensor together. The
+    p-values of each family are adjusted by Holm's method.
 
     δ is the change of each parameter while all others may change too. A fit with the old
     calibration as prior would spread the change of one parameter over others that are correlated
@@ -147,9 +147,9 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     level : float
         Probability of a false alarm.
     turn_on : (float, float), optional
-        Standard deviation of the bias between power cycles, m/s^2 and rad/s. The
-        default is the standard deviation in the calibration's `turn_on_bias`, or `TURN_ON` if it
-        has none.
+        Standard deviation of the bias between power cycles, m/s^2 and rad/s. By default it follows
+        from the effect `turn_on_bias` of the calibration or, without this effect, is that of data
+        sheets, `TURN_ON`.
 
     Returns
     -------

@@ -43,7 +43,7 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
     kept = dict(log.untestable)
     for name in log.factors.sensors:
         if not set(BIASES) <= set(log.testable(name).names):
-            kept[name] = f"the bias is not determined by {log.data(name)}"
+            kept[name] = f"the bias is not determined by {log.describe_data(name)}"
             if name == "accelerometer":
                 kept[name] += "; it takes three or more in different directions"
     updated = [name for name in SENSORS if name not in kept]

@@ -123,8 +123,8 @@ class NewLog:
         """Return the indices of parameters of a sensor, given by name, in the state, a list."""
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
-    def data(self, sensor):
-        """Return words for the data of a sensor in the log: rests, and attitudes or turns."""
+    def describe_data(self, sensor):
+        """Return a text with the numbers of rests, and of attitudes or turns, of a sensor."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
@@ -157,7 +157,7 @@ class NewLog:
                 determined += group
             else:
                 missed += group
-        why = f"not determined by {self.data(sensor)}" if missed else None
+        why = f"not determined by {self.describe_data(sensor)}" if missed else None
         basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
         if not determined:
             # the log does not determine the whole bias: only some directions of it
