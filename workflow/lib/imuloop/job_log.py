@@ -18,7 +18,7 @@ class Printable(logging.Formatter):
 def failure_line(error):
     """Return one line of text about an exception for the user.
 
-    It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
+    The line is the text of the exception if this is an `ImuloopError` or an error of a file, of the
     machine or of a missing package. Other exceptions, such as errors of numerical libraries, have
     texts on the code, which are not shown.
     """

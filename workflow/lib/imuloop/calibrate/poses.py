@@ -75,11 +75,11 @@ class Poses(Table):
     def mean_covariance(self, noise):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        It is the sum of the covariance that the NoiseModel `noise` predicts and the variance that
-        rounding and tilts add, which is independent between poses. If the noise of a channel is not
-        known, its covariance is diagonal: the sample variance within the pose over the number of
-        samples. The fit of both sensors does not use this covariance, but one that includes the
-        rotations (`ResidualCovariance`).
+        The covariance is the sum of the one that the NoiseModel `noise` predicts and the variance
+        that rounding and tilts add, which is independent between poses. If the noise of a channel
+        is not known, its covariance is diagonal: the sample variance within the pose over the
+        number of samples. The fit of both sensors does not use this covariance, but one that
+        includes the rotations (`ResidualCovariance`).
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):

@@ -156,7 +156,7 @@ class Recording:
     def rotation_channels(self, sensor, output, other, align_other=identity):
         """Return the Channels that an effect of a sensor depends on, along the m rotations.
 
-        They have m k points: the k samples of the first rotation, then of the next.
+        The Channels have m k points: the k samples of the first rotation, then of the next.
 
         Parameters
         ----------
@@ -251,8 +251,8 @@ def pose_means(poses, logs, logged):
 def record(samples, segments, longest_rotation, rails=None):
     """Return the Recording of several sessions: poses, and the rotations between them.
 
-    It has temperatures only if every session logs them. Rotations that contradict all others are
-    left out.
+    The poses have temperatures only if every session logs them. Rotations that contradict all
+    others are left out.
 
     Parameters
     ----------

@@ -436,10 +436,10 @@ def fit_set_up(windows, noise):
 def _estimate_variance(values, floor):
     """Return the variance of a component of the residuals of each of m windows, (m,).
 
-    It is the variance by the noise, `floor`, (m,), plus a variance that all windows have in common.
-    The common variance follows from the median of the squared residuals `values`, (m, 3), as the
-    median of χ² with three degrees of freedom is 2.366. The variance of residuals above three
-    standard deviations is increased, as Huber's weights do, so that their influence is limited.
+    The result is the variance by the noise, `floor`, (m,), plus one that all windows share. The
+    common variance follows from the median of the squared residuals `values`, (m, 3), as the median
+    of χ² with three degrees of freedom is 2.366. The variance of residuals above three standard
+    deviations is increased, as Huber's weights do, so that their influence is limited.
     """
     square = (values**2).sum(axis=1)
     variance = floor + max(np.median(square / 2.366 - floor), 0.0)

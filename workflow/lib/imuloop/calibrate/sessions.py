@@ -78,7 +78,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     Returns
     -------
     Recording
-        It has no poses if no session has one.
+        The poses and rotations; there are none if no session has a pose.
     """
     chosen = usable_sessions(sessions, *GROUPS[kind])
     columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())

@@ -20,9 +20,9 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def replaced(path):
     """Yield a temporary path in the folder of `path`; the file written there replaces `path`.
 
-    It does so at the end of the ``with`` block. If the block raises, the temporary file is removed.
-    If the process is killed, the temporary file stays, and the next writer overwrites it. Raises a
-    MachineFault if the disk is full.
+    The file is replaced at the end of the ``with`` block. If the block raises, the temporary file
+    is removed. If the process is killed, the temporary file stays, and the next writer overwrites
+    it. Raises a MachineFault if the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -234,7 +234,7 @@ def edges(windows, power_cycle=None):
 def lags(t):
     """Return five functions of the pairs of m times, s, (m, m) each, for the covariance of noise.
 
-    They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, and s is the
+    The five are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, s is the
     earlier and t the later time of a pair. Takes increasing times from 0, s, (m,).
     """
     d = np.abs(t[:, None] - t)
@@ -277,10 +277,10 @@ class NoiseModel:
     def mean_covariance(self, windows, power_cycle=None):
         """Return the covariance of the mean output of each axis over windows of time, (6, n, n).
 
-        It is in (m/s^2)^2 for ax, ay, az and in (rad/s)^2 for gx, gy, gz, and zero for an axis
-        without any coefficient. Takes start and end of each window, s, (n, 2), and its power cycle,
-        (n,); by default all windows lie in one. Raises a ValueError if a window does not end after
-        its start.
+        The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. The result is zero for an
+        axis without any coefficient. Takes start and end of each window, s, (n, 2), and its power
+        cycle, (n,); by default all windows lie in one. Raises a ValueError if a window does not end
+        after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):

@@ -50,7 +50,7 @@ def matrix(q):
 def step_vectors(rates, steps, uneven=None):
     """Return the rotation vector φ of each time step, rad, (..., n - 1, 3).
 
-    It rotates from the body axes at the end of the step to those at its start.
+    φ rotates from the body axes at the end of the step to the body axes at its start.
 
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 

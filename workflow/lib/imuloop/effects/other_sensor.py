@@ -76,7 +76,7 @@ class EarthRate(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to w_up, the direction u, (n, 3, 1).
 
-        It is zero in free fall.
+        The derivative is zero in free fall.
         """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]

@@ -63,7 +63,7 @@ def read_prior(sheet, file, device, sessions, type=None):
 def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
-    It has the mean and covariance of the base parameters (misalignments, scale factors and biases)
+    The result has mean and covariance of the base parameters (misalignments, scale factors, biases)
     that the calibration estimated; the others keep the values of `prior`, a Prior. The variance of
     a bias includes the scatter between power cycles. `source` is the name of the file.
     """

@@ -192,7 +192,7 @@ class Effect:
     def variants(cls, channels):
         """Return the variants of the effect to test in data with these Channels, a tuple.
 
-        They have different values of the constants, such as time constants that are short enough
+        The variants have different values of the constants, such as time constants short enough
         for the data. The tuple is empty for an effect whose derivative is not implemented.
         """
         return () if cls.design is Effect.design else (cls(),)
@@ -335,7 +335,7 @@ class FittedEffect:
 def _check_constants(effect):
     """Raise TypeError or ValueError for a constant of an effect that is not possible.
 
-    It is of another type than its default, or out of its bounds or infinite.
+    Such a constant is of another type than its default, or out of its bounds or infinite.
     """
     for constant in fields(effect):
         value = getattr(effect, constant.name)

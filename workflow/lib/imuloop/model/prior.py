@@ -26,7 +26,7 @@ class Prior:
     mean : ndarray, shape (21,)
         Expected parameters.
     covariance : ndarray, shape (21, 21)
-        Their covariance.
+        Covariance of the parameters.
     sources : dict of str to str
         For each sensor, ``data sheet`` or the file that its prior comes from.
     """

@@ -20,8 +20,8 @@ CAUSES = {
 def remarks(sensor, calibration):
     """Return remarks on a SensorCalibration and its prior, sentences, the most important first.
 
-    They name parameters far from the prior, and those that the data hardly improved. The list may
-    be empty. `sensor` is the name of the sensor.
+    The remarks name parameters far from the prior, and those that the data hardly improved. The
+    list may be empty. `sensor` is the name of the sensor.
     """
     sentences = []
     if far := calibration.far_off:

@@ -60,9 +60,9 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
 def prior_content(sensor, prior, unit):
     """Return the prior of a sensor in the raw units of its log, a dict.
 
-    It has the ``source`` of the prior, and its ``mean`` and ``std``, dicts by name of the
-    parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal SI,
-    and `unit` the RawUnit.
+    The dict has the ``source`` of the prior, and ``mean`` and ``std``, which are dicts by name of
+    the parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal
+    SI, and `unit` the RawUnit.
     """
     names, places = NAMES[sensor], BASE[sensor]
     factor = si_factor(names, unit)
@@ -96,7 +96,7 @@ def state_of(calibration, effects=None):
     State
         The parameters of both sensors and of the effects.
     ndarray, shape (p, p)
-        Their covariance.
+        Covariance of all these parameters.
     """
     sensors = {name: getattr(calibration, name) for name in NAMES}
     fitted = {SensorEffect(e.effect, s): e for s in sensors for e in sensors[s].effects}

@@ -65,7 +65,7 @@ class Sensor:
     def jacobian(self, A, y, D):
         """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
 
-        It is taken with respect to the parameters of the sensor; A x has a components.
+        The derivative is with respect to the parameters of the sensor; A x has `a` components.
 
         Parameters
         ----------

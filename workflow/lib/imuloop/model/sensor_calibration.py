@@ -137,8 +137,8 @@ class SensorCalibration:
     def unimproved(self):
         """Names of the parameters that the data hardly improved, a tuple.
 
-        Their standard error is more than the share `IMPROVED` of the standard deviation of the
-        prior. This includes all parameters that were not estimated.
+        The standard error of such a parameter is more than the share `IMPROVED` of the standard
+        deviation of the prior. Parameters that were not estimated are among them.
         """
         prior, std = (self.prior or {"std": {}})["std"], self.std
         return tuple(name for name, size in prior.items() if std.get(name, size) > IMPROVED * size)
