@@ -15,7 +15,7 @@ from calibrate.devices import (
     record_samples,
     recording,
 )
-from imuloop.calibrate.contradictions import change, odd_turns
+from imuloop.calibrate.contradictions import odd_turns, why_changed
 from imuloop.core.samples import CHANNELS
 from imuloop.model.calibration import Calibration
 from imuloop.simulate.simulate import simulate_session
@@ -68,7 +68,7 @@ def test_nothing_contradicts_in_a_sound_recording(seed):
     assert made.lost.contradicting == ()
     assert not odd_turns(made)[0].any()
     for sensor in ("accelerometer", "gyroscope"):
-        assert change(sensor, made) is None
+        assert why_changed(sensor, made) is None
 
 
 def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
@@ -77,7 +77,7 @@ def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
     samples.loc[late, RATE] += 0.03
     made = record_samples(samples)
     assert all(start < when < end for _, start, end, _ in made.lost.contradicting)
-    assert change("gyroscope", made) is None
+    assert why_changed("gyroscope", made) is None
 
 
 @pytest.mark.parametrize(

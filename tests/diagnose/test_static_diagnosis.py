@@ -143,7 +143,7 @@ def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits, st
         assert content["effects"] == [] and content["noise"] == {}
     for axis in CHANNELS:
         models = noise.model, result.noise, still_record[1].model
-        limits = [model.known(axis, "K") for model in models]
+        limits = [model.value_and_std(axis, "K") for model in models]
         logged, without, true = (size + spread for size, spread in limits)
         assert without < 0.5 * logged
         assert without < 1.5 * true

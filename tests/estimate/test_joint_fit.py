@@ -17,7 +17,7 @@ from imuloop.calibrate.recording import Log, pose_means
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.factors.factors import Factors
-from imuloop.model.raw_units import as_logged
+from imuloop.model.raw_units import in_nominal_si
 from imuloop.model.state import NAMES, State
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -131,7 +131,7 @@ def test_it_is_no_worse_than_a_plain_fit_on_clean_devices(seeds):
     for seed in range(seeds):
         made = recording(COARSE, 300 + seed)
         sensors = calibrate_recording(made, NOISE, COARSE.gravity)
-        joint = np.concatenate([as_logged(*each) for each in zip(NAMES, sensors, strict=True)])
+        joint = np.concatenate([in_nominal_si(*each) for each in zip(NAMES, sensors, strict=True)])
         each = [errors_in_use(x, COARSE) for x in (joint, plain_fit(made, COARSE.gravity))]
         ratios.append(np.divide(*each))
     # in the mean it is better, and none is worse by more than its noise

@@ -7,7 +7,7 @@ import pytest
 
 from family.members import EVERY, NOTHING, Family, member
 from imuloop.core.files import read_json
-from imuloop.family.family import effects, of_type, write_family
+from imuloop.family.family import compare_devices, effects, write_family
 from result_files import fault
 
 
@@ -59,7 +59,7 @@ def test_a_parameter_that_few_determined_is_left_out():
     prior = {"source": "data sheet", "std": {"K1": 1.2 * own.gyroscope.std["K1"]}}
     own = replace(own, gyroscope=replace(own.gyroscope, prior=prior))
     members[0] = replace(members[0], calibration=own)
-    found = of_type(members)["parameters"]
+    found = compare_devices(members)["parameters"]
     assert "gyroscope.K0" not in found and found["gyroscope.K2"]["devices"] == "d0 d1 e f".split()
     assert found["gyroscope.K1"]["devices"] == "d1 e f".split()
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from family.members import EVERY, Family
 from imuloop.core.p_values import holm
-from imuloop.family.family import SIGNIFICANCE, of_type
+from imuloop.family.family import SIGNIFICANCE, compare_devices
 from imuloop.family.odd import AT_MOST, deviations
 from seeds import least_count, seeds
 
@@ -12,7 +12,7 @@ KINDS = ("accelerometer.b", "gyroscope.K")
 
 
 def odd_names(family):
-    return {each["device"] for each in of_type(family.members())["odd"]}
+    return {each["device"] for each in compare_devices(family.members())["odd"]}
 
 
 @seeds(4, 40)

@@ -20,7 +20,7 @@ from imuloop.family.prior import read_prior
 from imuloop.model.calibration import Calibration
 from imuloop.model.effect import FittedEffect
 from imuloop.model.prior import data_sheet
-from imuloop.model.raw_units import as_logged
+from imuloop.model.raw_units import in_nominal_si
 from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.model.state import BASE, parameters
 from imuloop.simulate.truth import example_truth
@@ -65,7 +65,7 @@ def calibration(made, prior=None):
 
 
 def values(calibration):
-    found = [as_logged(s, getattr(calibration, s)) for s in SENSORS]
+    found = [in_nominal_si(s, getattr(calibration, s)) for s in SENSORS]
     return np.concatenate(found) - [name.partition(".")[2][0] == "K" for name in NAMES]
 
 

@@ -9,7 +9,7 @@ import pytest
 from calibrate.devices import calibrate_recording
 from imuloop.core.samples import SENSORS
 from imuloop.factors.factors import Factors
-from imuloop.model.raw_units import as_logged
+from imuloop.model.raw_units import in_nominal_si
 from imuloop.model.state import State
 
 GRAVITY = 9.81744
@@ -46,7 +46,7 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured_results):
     force, turn = calibrate_recording(recording, noise, multi.gravity, **how)
     np.testing.assert_allclose(turn.K, K_GYROSCOPE, rtol=5e-4)
     made = zip(SENSORS, (force, turn), strict=True)
-    x = np.concatenate([as_logged(*each) for each in made])
+    x = np.concatenate([in_nominal_si(*each) for each in made])
     at = Factors(multi.gravity).about(recording, State(x)).at(x)
     errors = at.residual[4 * len(recording.poses) :]
     # half the sum of squared differences of unit vectors, as imu_tk prints it

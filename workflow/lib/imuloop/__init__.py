@@ -1,14 +1,15 @@
 """From the raw log of an accelerometer and gyroscope to calibration, noise and diagnosis.
 
-``imuloop.calibrate(t, acceleration, angular_rate)`` does it all for one device. What cannot be used
-raises an ``imuloop.ImuloopError``; what should be looked at is an ``imuloop.ImuloopWarning``.
+``imuloop.calibrate(t, acceleration, angular_rate)`` does all of this for one device. Input that
+cannot be used raises an ``imuloop.ImuloopError``; a fact that the user should look at is shown as
+an ``imuloop.ImuloopWarning``.
 """
 
 import sys
 from importlib import import_module
 
 __version__ = "0.2.0"
-# where each name is
+# module of each public name
 _PLACES = {
     "Calibration": "model.calibration",
     "ImuloopError": "core.errors",
@@ -24,16 +25,20 @@ __all__ = [*_PLACES]
 
 
 def __getattr__(name):
-    # by name, so that a script that needs no calibration neither loads nor depends on the model
+    """Return a public name, whose module is imported when the name is first used.
+
+    So a script that needs no calibration does not load the model.
+    """
     if name not in _PLACES:
         of = sys.modules[__name__]
         raise AttributeError(f"module 'imuloop' has no attribute '{name}'", name=name, obj=of)
     # a calibration may hold any effect of the library
     import_module("imuloop.effects")
     module = import_module(f"imuloop.{_PLACES[name]}")
-    # the stage of that name is called
+    # these two modules can be called, as functions
     return module if name in ("calibrate", "plot") else getattr(module, name)
 
 
 def __dir__():
+    """Return all names of the module, including public names that are not imported yet."""
     return sorted([*globals(), *__all__])

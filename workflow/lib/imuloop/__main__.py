@@ -1,20 +1,21 @@
 """The command line: ``python -m imuloop COMMAND``, and ``imuloop COMMAND`` where installed.
 
-What takes time to load is loaded in `main`, where Ctrl-C is expected.
+Modules that take time to load are loaded in `main`, which handles Ctrl-C.
 """
 
 import os
 import signal
 import sys
 
-# exit status of a command that Ctrl-C ended, as shells have it
+# exit status of a command that Ctrl-C ended, by the convention of shells
 INTERRUPTED = 130
 
 
 def main(argv=None):
     """Run one command; return the exit status.
 
-    0, 1 for an error in one line, 130 after Ctrl-C, or the command's.
+    The status is 0 for success, 1 after an error that is shown in one line, 130 after Ctrl-C, or
+    another one that the command returns. `argv` are the arguments, by default those of the process.
     """
     before = signal.signal(signal.SIGINT, _leave)
     try:
@@ -29,7 +30,7 @@ def main(argv=None):
 
 
 def _leave(*_):
-    """End at once, as libraries that are being loaded hide a KeyboardInterrupt."""
+    """End the process at once, as libraries that are being loaded hide a KeyboardInterrupt."""
     os.write(2, b"imuloop: interrupted\n")
     os._exit(INTERRUPTED)
 

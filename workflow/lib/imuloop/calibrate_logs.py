@@ -1,4 +1,4 @@
-"""Logs in memory or in files, without a config: their samples, and the `Result` of a device."""
+"""Calibration without a config: from logs in memory or in files to the `Result` of a device."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from imuloop.result import IN_MEMORY, Result, TemporaryFolder
 from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
-# keys of the sensor among those that are declared
+# declared keys that say something of the sensor
 OF_SENSOR = ("sensor", "range", "nominal")
-# what `calibrate` takes for a log
+# types that `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
 
 
@@ -64,26 +64,27 @@ def calibrate(
         mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each. An array
         of shape (n, k) needs `columns` by number, from 0.
     acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
-        m/s^2 and rad/s, or in the `units` that are given. Without `t`: arrays at the `rate`, or a
-        path or DataFrame of each sensor with its own time stamps.
+        m/s^2 and rad/s, or in the `units` that are given. If `t` is not given, they are arrays at
+        the `rate`, or a path or DataFrame for each sensor, with its own time stamps.
     temperature : array_like, shape (n,), optional
         degC.
     static, six_position : a log, or a list of logs
-        Of the device at rest, and of its six faces up and down in turn.
+        Logs of the device at rest, and logs in which each of its six faces is up in turn.
     gravity : float or mapping
         Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
     units, columns, sensor, range, nominal, rate, format : optional
-        Of all logs, as in the config; by default they are found from a log, and units are SI.
+        Declarations of all logs, as in the config. By default columns and format are found from
+        each log, and units are SI.
     prior : path-like, optional
         An earlier calibration.json of the device, or a family.json of its type.
     name, label : str
-        Name of the device, and that in the report.
+        Name of the device, and its name in the report.
     settings : mapping, optional
         Settings of the stages by their name, as in the config.
     folder : path-like, optional
-        Where results are kept; without, as long as the result lives.
+        Folder that keeps the results; by default they are kept as long as the `Result` exists.
     progress : bool
-        Whether to show how far it is.
+        Whether to show the progress.
 
     Raises
     ------
@@ -93,8 +94,8 @@ def calibrate(
     Warns
     -----
     ImuloopWarning
-        For each log that was rejected, stage that failed, and thing to look at in a log; the result
-        lists them in its `failures` and `notes`.
+        For each log that was rejected, and for each fact that the user should look at in a log. The
+        `failures` and `notes` of the result are lists of them.
     """
     if t is None and (acceleration is None or angular_rate is None):
         raise ImuloopError("no log is given: t, or acceleration and angular_rate")
@@ -112,7 +113,7 @@ def calibrate(
     declared = {key: plain(value) for key, value in declared.items() if value is not None}
     tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
     if acceleration is None:
-        poses = _several(t)
+        poses = _list_logs(t)
     elif t is None and tables:
         poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
     elif t is None and rate is None:
@@ -121,11 +122,11 @@ def calibrate(
         poses = [(t, acceleration, angular_rate, temperature)]
     if temperature is not None and not isinstance(poses[0], tuple):
         raise ImuloopError("temperature: goes with arrays; else it is a column of the log")
-    given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
+    lists = zip(KINDS, (poses, _list_logs(six_position), _list_logs(static)), strict=True)
     logs = {
         f"{kind}_{i + 1}": log_of(log, columns, "log" if kind == KINDS[0] else kind)
-        for kind, each in given
-        for i, log in enumerate(each)
+        for kind, logs_of_kind in lists
+        for i, log in enumerate(logs_of_kind)
     }
     kept = folder or TemporaryFolder()
     if prior and folder:
@@ -159,7 +160,7 @@ def calibrate(
             # a folder that is kept holds all files of a device
             result.write_curves()
     for text in (*result.failures, *result.notes):
-        # at the line that calls `imuloop.calibrate`
+        # the warning names the line that calls `imuloop.calibrate`
         warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)
     return result
 
@@ -170,20 +171,20 @@ def read(log, **declared) -> pd.DataFrame:
     Parameters
     ----------
     log : path-like, DataFrame or tuple of arrays
-        As in `calibrate`.
+        The log; a tuple is ``(t, acceleration, angular_rate[, temperature])``.
     **declared
-        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as in
-        `calibrate`.
+        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range`` and ``nominal`` of the
+        log, as in the config.
 
     Raises
     ------
     ImuloopError
-        If the log cannot be used; one line with the reasons.
+        If the log cannot be used; the message gives the reasons in one line.
 
     Warns
     -----
     ImuloopWarning
-        For each thing to look at in the log.
+        For each fact that the user should look at in the log.
     """
     for key in {*declared} - {*KEYS}:
         raise ImuloopError(f"'{key}' cannot be declared of a log{nearest(key, KEYS)}")
@@ -203,8 +204,8 @@ def read(log, **declared) -> pd.DataFrame:
         return read_samples(device.sessions["log"]["samples"])
 
 
-def _several(logs):
-    """Return a list of logs, of one too: a tuple of arrays."""
+def _list_logs(logs):
+    """Return a list of logs, empty for None or (); a single log may be a tuple of arrays."""
     if logs is None or (isinstance(logs, tuple) and not logs):
         return []
     return logs if isinstance(logs, list) else [logs]
@@ -214,8 +215,9 @@ def _several(logs):
 def _ingest(device, session, log, declared):
     """Write the samples and the quality of a session of a Device.
 
-    `log` is a path or a DataFrame, or a dict of one for each sensor, and `declared` the keys of the
-    config that are declared for it. Raises an ImuloopError if they do not fit the log.
+    `session` is the name of the session. `log` is a path or a DataFrame, or a dict with one of
+    these for each sensor. `declared` are the keys of the config that are declared for the log.
+    Raises an ImuloopError if they do not fit the log.
     """
     parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
     in_memory = []
@@ -235,7 +237,8 @@ def _ingest(device, session, log, declared):
     try:
         chain.ingest(device, session, declared | {"sources": sources}, paths)
     except ImuloopError as error:
-        # the file's name is enough, and a log in memory has the name of its session
+        # the message of the stage names device and session, too; the name of the file is enough. A
+        # log in memory is called by its session, not by the file that was written here
         why = str(error).removeprefix(f"{device.name}/{session}: ")
         for path in in_memory:
             why = why.replace(path, session)

@@ -1,8 +1,8 @@
-"""The stages as calls, paths in and files out.
+"""The stages as functions of a Device: each reads files and writes files.
 
-A stage reads and writes below the device's folder, ``results/<device>``, by the names of the
-contract. A log that cannot be used is a result; an exception is a bug or a machine that fails. Each
-stage imports its own library, so that the code digest of a job covers its stage alone.
+A stage reads and writes in the device's folder, ``results/<device>``, files with fixed names. A log
+that cannot be used is a result; an exception is a bug or a fault of the machine. Each stage imports
+its package when it is called, so that the code digest of a job covers its own stage alone.
 """
 
 from collections.abc import Mapping
@@ -11,35 +11,37 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, MachineFault
 
-# the files of a session
+# tables of a session, each a Parquet file
 _TABLES = ("samples", "segments", "allan")
 
 
 @dataclass(frozen=True)
 class Device:
-    """A device as the stages take it."""
+    """A device: the input of the stages."""
 
     name: str
-    folder: Path  # its results
+    folder: Path  # folder of the device's results
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
-    gravity: float = 9.80665  # local, m/s^2
+    gravity: float = 9.80665  # local gravity, m/s^2
     # by quantity: scale and offset of counts, and full scale, SI
     nominal: Mapping = field(default_factory=dict)
     full_scale: Mapping = field(default_factory=dict)
     # by sensor: standard deviations of its parameters about their nominal values
     tolerances: Mapping = field(default_factory=dict)
-    data_sheet: Mapping = field(default_factory=dict)  # name of the sensor, its typical noise
+    # ``sensor``, the name of the sensor, and ``noise``, its typical white noise by sensor, SI
+    data_sheet: Mapping = field(default_factory=dict)
     # settings of the stages that are not their defaults
     segment: Mapping = field(default_factory=dict)
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
-    # file of an earlier calibration of the device or of its family, and type in the family
+    # ``file``, an earlier calibration.json of the device or a family.json, and ``type``, the name
+    # of the device's type in the family; empty without a prior
     prior: Mapping = field(default_factory=dict)
 
     def file(self, name):
-        """Return the path of one of the device's results, by its name in the device's folder."""
+        """Return the path of the result with this name in the device's folder."""
         return Path(self.folder) / name
 
     @property
@@ -53,11 +55,11 @@ class Device:
 
 
 def ingest(device, session, declared, paths, reject=False):
-    """Write samples and quality of one session, the log of which lies in files.
+    """Write samples and quality of one session, from the files of its log.
 
     If the declarations do not fit the log, the function raises an ImuloopError. With `reject` it
-    rejects the session instead: the table of samples has no rows then, and the quality has the
-    reason. A full disk stops the run in any case.
+    rejects the session instead: the table of samples then has no rows, and the quality has the
+    reason. A full disk raises a MachineFault in any case.
 
     Parameters
     ----------
@@ -66,11 +68,11 @@ def ingest(device, session, declared, paths, reject=False):
         Name of the session.
     declared : dict
         ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` of the
-        config; None, or without the key, if it is not declared.
+        config. A key that is not declared is None or absent.
     paths : list of path-like
-        The files.
+        The files of the log.
     reject : bool
-        Whether a log that does not fit is a result, not an error.
+        Whether a log that does not fit is rejected instead of raising an error.
     """
     from imuloop.ingest.ingest import Declared, ingest, write_rejected
 
@@ -97,7 +99,7 @@ def segment(device):
     settings = SegmentSettings(**device.segment)
     for files in device.sessions.values():
         samples = Samples(files["samples"])
-        # ends of the ranges, and spans in which a channel is stuck, which ingest detected
+        # ingest detected the ends of the ranges, and spans in which a channel is stuck
         metadata = read_metadata(files["samples"])
         faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
         table, counts = segment_session(samples, files["kind"], settings, **faults)
@@ -105,7 +107,7 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json, and spectra of all sessions in a table."""
+    """Write noise.json, and the spectra of all sessions, spectra.parquet."""
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise
     from imuloop.noise.records import read_recorded
@@ -135,9 +137,9 @@ def calibrate(device):
 
 
 def _prior(device):
-    """Return the Prior of a device: its parameters, with standard deviations, before the logs.
+    """Return the Prior of a device: the distribution of its parameters before the logs are used.
 
-    It comes from the file that the config names, else from the data sheet.
+    The prior comes from the file that the config names, else from the data sheet.
     """
     from imuloop.family.prior import read_prior
     from imuloop.model.prior import data_sheet
@@ -149,7 +151,10 @@ def _prior(device):
 
 
 def diagnose(device):
-    """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
+    """Write the diagnosis, the final calibration, the validation by attitude, and their tables.
+
+    The tables have the poses, moves, windows, errors of attitude and corrected Allan curves.
+    """
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
     from imuloop.core.tables import write_sessions, write_table
@@ -199,7 +204,7 @@ def allan(device):
 
 
 def export(device):
-    """Write the folder of other tools' files and exports.json, the list of them."""
+    """Write the folder exports: files for other tools, and exports.json, the list of them."""
     from imuloop.export.export import export_files, read_exported, write_exports
 
     qualities = [files["quality"] for files in device.sessions.values()]
@@ -215,7 +220,7 @@ def export(device):
 
 
 def report_device(device):
-    """Write a device's exports, part of the report, page, figures and row of the comparison."""
+    """Write the exports, section of the report, page, figures and comparison row of a device."""
     from imuloop.report.section import write_section
 
     export(device)
@@ -229,9 +234,9 @@ def report_device(device):
 
 
 def report(devices, command, family=None, failures=()):
-    """Write results/report.html and results/comparison.csv; return verdicts.
+    """Write results/report.html and results/comparison.csv; return lines of verdicts.
 
-    Returns a line with the verdicts of each device that did not fail.
+    The result has a line with the verdicts for each device that did not fail.
 
     Parameters
     ----------
@@ -260,11 +265,11 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the stages that make the results of a device from its samples, in order."""
+    """Return the functions of the stages that make results from samples, in order, a tuple."""
     return segment, noise, calibrate, diagnose
 
 
 def run(device):
-    """Do all stages of a device that follow ingest."""
+    """Call all stages that follow ingest on a Device."""
     for stage in (*stages(), allan, report_device):
         stage(device)

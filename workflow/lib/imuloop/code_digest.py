@@ -11,17 +11,19 @@ from types import CodeType
 import yaml
 
 _LIBRARY = Path(__file__).resolve().parent
-# imports: a package of the library, a module next to its packages or a package of others
+# an import: of a package of the library, of a module next to these packages, or of another package
 _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | as |$)", re.M)
 
 
 def code_digest(script, *packages, library=_LIBRARY):
-    """Return the SHA-256 of the code that a stage uses.
+    """Return the SHA-256 of the code that a stage uses, text.
 
-    The script counts; so do all modules and YAML tables of the package with the script's name, of
-    `packages`, by their names, of core, and of each package that one of these or the script
-    imports; imported modules next to the packages, such as chain.py; and the versions of packages
-    of others. Comments, the text of docstrings, and assertions do not count.
+    `script` is the path of the stage's script, and `packages` are the names of further packages of
+    the library, whose folder is `library`. The code is: the script; all modules and YAML tables of
+    the package with the name of the script, of `packages`, of core, and of each package that one of
+    these or the script imports; imported modules next to the packages, such as chain.py; and the
+    versions of packages that are not of the library. Comments, the text of docstrings, and
+    assertions do not count.
     """
     script, library = Path(script), Path(library)
     found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
@@ -32,7 +34,7 @@ def code_digest(script, *packages, library=_LIBRARY):
             found[name] = [(path.name, _digest(path)) for path in paths]
             waiting.update(*map(_imports, paths))
         elif (path := library / f"{name}.py").is_file():
-            # its imports do not count: chain.py has all stages
+            # the imports of such a module do not count: chain.py imports all stages
             found[name] = _digest(path)
         else:
             found[name] = _version(name)
@@ -42,11 +44,13 @@ def code_digest(script, *packages, library=_LIBRARY):
 
 @cache
 def _imports(path):
+    """Return the names of the packages and modules that a Python file imports, a set."""
     return {*_IMPORT.findall(path.read_text(encoding="utf-8"))}
 
 
 @cache
 def _digest(path):
+    """Return a text that changes with the content of a YAML file, or the code of a Python file."""
     if path.suffix == ".yaml":
         return repr(yaml.safe_load(path.read_text(encoding="utf-8")))
     code = compile(path.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
@@ -54,14 +58,15 @@ def _digest(path):
 
 
 def _without_lines(code):
+    """Return a code object without line numbers, which change with comments."""
     inner = tuple(_without_lines(c) if isinstance(c, CodeType) else c for c in code.co_consts)
     return code.replace(co_consts=inner, co_linetable=b"", co_firstlineno=1)
 
 
 @cache
 def _version(package):
+    """Return the version of an installed package, by its name; None for one of Python itself."""
     try:
         return version({"yaml": "pyyaml"}.get(package, package))
     except PackageNotFoundError:
-        # of Python itself
         return None

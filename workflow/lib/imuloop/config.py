@@ -1,4 +1,4 @@
-"""The config resolved: each device with its defaults, as plain data."""
+"""From a config to its devices, each with all defaults, as plain data."""
 
 import re
 from datetime import date, datetime
@@ -11,22 +11,22 @@ from imuloop.ingest.sources import file_name
 from imuloop.local_gravity import normal_gravity
 from imuloop.sensors import device_figures
 
-# of all logs of a device, where a session does not say otherwise
+# keys of a device that apply to all its logs, unless a session has its own
 OF_LOGS = ("columns", "units", "format", "rate")
-# signs of a pattern of file names
+# characters that make a path a pattern of file names
 _WILD = re.compile(r"[*?\[]")
 STAGES = ("segment", "noise", "calibrate", "diagnose")
 
 
 def merge(base, override):
-    """Return `base` with `override` laid over it, mapping by mapping, key by key."""
+    """Return `base` with the values of `override`; mappings in both are merged key by key."""
     if not isinstance(base, dict) or not isinstance(override, dict):
         return override
     return base | {key: merge(base.get(key), value) for key, value in override.items()}
 
 
 def without_dates(value):
-    """Return `value` with dates, which YAML makes of bare stamps, and all keys as text."""
+    """Return `value` with keys, and dates, as text; YAML makes dates of stamps without quotes."""
     if isinstance(value, dict):
         return {str(key): without_dates(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -35,14 +35,18 @@ def without_dates(value):
 
 
 def merged_devices(config):
-    """Return the devices by name, each laid over the defaults, each session over its device."""
+    """Return the devices by name, with the defaults, and their sessions with the device's keys."""
     defaults = config.get("defaults") or {}
     merged = {name: merge(defaults, device) for name, device in config["devices"].items()}
-    return {name: _expanded(device) for name, device in merged.items()}
+    return {name: _expand_sessions(device) for name, device in merged.items()}
 
 
-def _expanded(device):
-    """Return a device with all that is said of each session in it, and a session per file."""
+def _expand_sessions(device):
+    """Return a device whose sessions have all keys that apply to them, and one log file each.
+
+    A session with a pattern or a folder of files becomes a session for each file. A device or
+    session that is not a mapping, a fault that is reported elsewhere, stays as it is.
+    """
     sessions = device.get("sessions") if isinstance(device, dict) else None
     if not isinstance(sessions, dict):
         return device
@@ -52,7 +56,7 @@ def _expanded(device):
             found[name] = session
             continue
         session = merge(shared, session)
-        paths = _files(session.get("file"), session.get("format"))
+        paths = _find_logs(session.get("file"), session.get("format"))
         if paths is None:
             found[name] = session
         for path in paths or ():
@@ -61,33 +65,40 @@ def _expanded(device):
     return device | {"sessions": found}
 
 
-def _files(file, form):
-    """Return the files of a pattern or a folder of logs, in order; None if `file` is one log."""
+def _find_logs(file, form):
+    """Return the paths of logs in a pattern or a folder, in order; None if `file` is one log.
+
+    `form` is the name of the format that is declared, or None.
+    """
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
         return None
     try:
-        # a file may be called so
+        # a file may have such characters in its name
         if _WILD.search(file) and not Path(file).exists():
             return sorted(glob(file)) or None
         if not Path(file).is_dir():
             return None
-        # takes long to import
+        # imported late, as it takes long
         from imuloop.ingest.formats import find_format
 
         try:
-            # some logs are folders
+            # a folder with a format is one log
             find_format(form, {"log": file})
         except ImuloopError:
             inside = (path for path in Path(file).iterdir() if not path.name.startswith("."))
             return sorted(map(str, inside)) or None
     except OSError:
-        # a name too long, a folder that may not be entered: a fault of the file
+        # a name too long, or a folder that may not be entered, is reported as a fault of the file
         pass
     return None
 
 
 def _session_name(path, session, taken):
-    """Return the name of a file's session: the file's name, as far as it can name a folder."""
+    """Return the name of the session of one of several files: its name, made fit for a folder.
+
+    `path` is the path of the file, `session` the name of the session in the config, and `taken` are
+    names of other sessions, which the result differs from.
+    """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
     if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
         name = f"{session}_{name}"[:60]
@@ -99,20 +110,21 @@ def _session_name(path, session, taken):
 
 
 def resolve(config):
-    """Return every device of a config without faults, with all keys, as the stages need them.
+    """Return the devices of a config without faults by name, each a dict that stages can use.
 
-    By device: ``label``, ``gravity`` (m/s^2), keys of `device_figures`, the stages' settings,
-    ``type``, None where not given, ``prior`` with ``file`` and ``type``, empty where not given, and
-    ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and
-    ``angular_rate``; ``pps`` and ``reference`` in their own files), ``columns``, ``units``,
-    ``rate`` (Hz), ``time_range``, ``pps``, ``reference``, ``known_rotation``.
+    A device has ``label``, ``gravity`` (m/s^2), the keys of the result of `device_figures`, the
+    settings of each stage, ``type`` (None if not given), ``prior`` with ``file`` and ``type``
+    (empty if not given), and ``sessions`` by name. A session has ``kind``, ``format``, ``sources``
+    (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` if they
+    have their own files), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``,
+    ``reference`` and ``known_rotation``.
     """
-    return {
-        name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
-    }
+    devices = merged_devices(without_dates(config))
+    return {name: _resolve_device(name, device) for name, device in devices.items()}
 
 
-def _device(name, device):
+def _resolve_device(name, device):
+    """Return a device of the config, given by name and content, with all keys, a dict."""
     gravity, prior = device.get("gravity", STANDARD_GRAVITY), device.get("prior")
     if isinstance(gravity, dict):
         gravity = normal_gravity(gravity["latitude"], gravity["height"])
@@ -123,16 +135,17 @@ def _device(name, device):
         "gravity": float(gravity),
         **known_figures(device),
         **{stage: device.get(stage) or {} for stage in STAGES},
-        "sessions": {key: _session(session) for key, session in device["sessions"].items()},
+        "sessions": {key: _resolve_session(plan) for key, plan in device["sessions"].items()},
     }
 
 
 def known_figures(device):
-    """Return the `device_figures` of a device with its keys."""
+    """Return what `device_figures` gives for a device of the config, scales and tolerances."""
     return device_figures(*(device.get(k) for k in ("sensor", "range", "nominal", "full_scale")))
 
 
-def _session(session):
+def _resolve_session(session):
+    """Return a session of the config, a dict, with all keys; files have the key ``sources``."""
     pps = dict(session.get("pps") or {})
     marks = {"pps": sources(pps.pop("file"))["log"]} if "file" in pps else {}
     reference = dict(session.get("reference") or {})
@@ -154,14 +167,17 @@ def _session(session):
 
 
 def sources(file):
-    """Return the sources of a session's ``file`` by role: ``log``, or one for each sensor."""
+    """Return the sources, dicts, of a ``file`` by role: ``log``, or one for each sensor.
+
+    A source is a local file with ``path``, or a file to be fetched.
+    """
     if isinstance(file, dict) and "acceleration" in file:
         return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
 
 
 def by_type(devices):
-    """Return the names of the devices of each type that some devices name, in their order."""
+    """Return the names of the devices of each type, a dict by type; others are left out."""
     types = {}
     for name, device in devices.items():
         if device.get("type"):
@@ -170,17 +186,20 @@ def by_type(devices):
 
 
 def is_stored(path):
-    """Tell whether a path is a query of one of Snakemake's storage plugins, as s3://bucket/key."""
+    """Return whether a path, such as s3://bucket/key, is for a storage plugin of Snakemake."""
     return "://" in path
 
 
 def source_path(source, cache):
-    """Return where a source lies in the working folder, once it is fetched."""
+    """Return the path of a source in the working folder after it is fetched into `cache`."""
     return source.get("path") or f"{cache}/{source['sha256']}/{file_name(source)}"
 
 
 def fetched(devices):
-    """Return every source that has to be fetched, by its place ``<sha256>/<name>`` in the cache."""
+    """Return all sources that have to be fetched, by their path ``<sha256>/<name>`` in the cache.
+
+    `devices` are the devices by name, as `resolve` returns them.
+    """
     return {
         source_path(source, "").lstrip("/"): source
         for device in devices.values()

@@ -15,7 +15,7 @@ from imuloop.config_text import LOADER, key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 
-# words for the expected kind of a value; all other kinds are a mapping of keys
+# words for an expected value, by a type of pydantic's errors; all others expect a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
 _KINDS |= {"list": "a list", "tuple": "a list", "finite_number": "a finite number"}
 # words for a number outside of a limit, by the type of pydantic's error, and the limit's name there
@@ -51,12 +51,12 @@ def config_faults(config, files, replicas, mirror=None):
         places[name] = key_lines(text)
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
     for key, fault in _model_faults(config, replicas):
-        # of the last file that holds the most of the key's path
+        # the fault is in the file that holds the longest part of the key's path, the last such one
         depths = {name: _depth(contents[name], key) for name in reversed(contents)}
         found.setdefault(key, (max(depths, key=depths.get, default="config"), fault))
     lines = []
     for key, (name, fault) in found.items():
-        # a missing key: the line of the one that needs it
+        # if a key is missing, the line is that of the mapping that needs it
         above = (key[:depth] for depth in range(len(key), 0, -1))
         line = next((places[name][k] for k in above if k in places.get(name, ())), None)
         place = f"{name} line {line}" if line else name
@@ -67,7 +67,7 @@ def config_faults(config, files, replicas, mirror=None):
 
 
 def _depth(content, key):
-    """Return the number of steps of a key's path that exist in a mapping."""
+    """Return the number of parts of a key, from the first on, that exist in nested mappings."""
     for depth, part in enumerate(key):
         try:
             content = content[part]
@@ -82,7 +82,7 @@ def _model_faults(config, replicas):
     if isinstance(config.get("devices"), dict) and isinstance(config.get("defaults", {}), dict):
         merged = {**config, "devices": merged_devices(config)}
     for key, text in _validation_faults(merged, context={"replicas": replicas}):
-        yield _declared(config, key), text
+        yield _where_written(config, key), text
 
 
 def _validation_faults(config, context=None):
@@ -91,21 +91,28 @@ def _validation_faults(config, context=None):
         Config.model_validate(config, context=context)
     except ValidationError as error:
         for each in error.errors():
-            # the branches of a type of several kinds are not keys
+            # pydantic also names the alternative of a value with several types, which is not a key
             key = tuple(part for part in each["loc"] if not is_branch(part))
-            if text := _text(each, key):
+            if text := _describe(each, key):
                 yield key, text
 
 
 def device_faults(name, device):
-    """Yield (key, text) for each fault of a device's keys, given without sessions and files."""
+    """Yield (key, text) for each fault of the keys of a device without sessions.
+
+    `name` is the name of the device, and `device` a dict; a session is added for the check.
+    """
     log = {"kind": "static", "file": "log"}
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
+        # the key without "devices" and the name; a fault of the name itself has no more parts
         yield key[2:] or ("name",), text
 
 
-def _declared(config, key):
-    """Return where a key of a merged device was written: there, at its device, in the defaults."""
+def _where_written(config, key):
+    """Return the key in the config at which a key of a device with its defaults was written.
+
+    The key may be written there, at the device of a session, or in the defaults.
+    """
     if len(key) < 3 or key[0] != "devices" or _depth(config, key) == len(key):
         return key
     places = [("defaults", *key[2:])]
@@ -114,8 +121,11 @@ def _declared(config, key):
     return next((place for place in places if _depth(config, place) == len(place)), key)
 
 
-def _text(error, key):
-    """Return one error of pydantic in words of a config; None where another error says it."""
+def _describe(error, key):
+    """Return an error of pydantic for a key as text in words of a config.
+
+    The result is None if another error says the same.
+    """
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown, length = _shown(value), context.get("min_length", context.get("max_length"))
     if rule in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -141,7 +151,7 @@ def _text(error, key):
     if rule == "string_too_short" or (rule == "too_short" and isinstance(value, dict)):
         return "empty"
     if rule in ("too_short", "too_long"):
-        # of a tuple entries that are wrong are not counted
+        # pydantic does not count wrong entries of a tuple, which have errors of their own
         enough = rule == "too_short" and len(value) >= length
         return None if enough else f"needs {length} entries, not {len(value)}"
     if rule == "string_too_long":
@@ -150,12 +160,19 @@ def _text(error, key):
 
 
 def _kind(name):
-    """Return words for the expected kind, by the type of pydantic's error or a type's branch."""
+    """Return in words what was expected, such as "a number".
+
+    `name` is the type of an error of pydantic, or the name of a branch, which is an alternative of
+    a value that may have several types.
+    """
     return _KINDS.get(name.removeprefix(BRANCH).removesuffix("_type"), "a mapping of keys")
 
 
 def _known_keys(path):
-    """Return the keys that a config may have at a path of the model, branches included."""
+    """Return the keys that a config may have at a path in an error of pydantic, a list.
+
+    The path has keys, and branches: alternatives of a value that may have several types.
+    """
     model = Config
     for part in path:
         if get_origin(model) in (dict, list):
@@ -171,13 +188,17 @@ def _known_keys(path):
 
 
 def _shown(value):
+    """Return a value as text of at most 80 characters."""
     text = repr(value)
     return text if len(text) < 80 else f"{text[:76]}…"
 
 
 def _nearest_unit(name, known):
-    """Return the unit that another spelling means; by similarity only a very close one."""
-    # by similarity dps would be rad/s
+    """Return the end of a message that names the unit that `name` means, or the nearest one.
+
+    `known` are the names of the possible units.
+    """
+    # the unit that `name` spells in another way comes first: by similarity, dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None
     for quantity, increments in product(UNITS, (True, False)):
         unit = stated_unit(quantity, name, increments)

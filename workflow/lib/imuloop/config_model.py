@@ -1,7 +1,7 @@
 """The keys of a config: types, limits, units and meaning.
 
-These models check a config, and they write ``workflow/schemas/config.schema.yaml`` and
-``docs/settings.md``. The settings of a stage are in its ``settings.py``.
+These models check a config; ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are
+made from them. The settings of a stage are in its ``settings.py``.
 """
 
 import os
@@ -41,7 +41,7 @@ from imuloop.sensors import LARGEST, PARTS, find_sensor
 # names of the log formats; their readers, in imuloop.ingest.formats, take long to import
 FORMATS = ("csv", "tsv", "euroc", "imu_tk", "jsonl", "parquet", "feather", "numpy", "netcdf")
 FORMATS += ("matlab", "ros", "phone", "ulog", "dataflash")
-# patterns of a text, and what one that fits is called
+# patterns of texts, and by pattern the words for a text that fits
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
 SHA256 = "^[0-9a-f]{64}$"
 URL = r"^(https?|ftp|file)://\S*[^/\s]$"
@@ -54,32 +54,39 @@ CALLED = {
     WHEEL: "wheel (NAME==VERSION)",
     MEMBER: "path inside the wheel",
 }
-# begins the name of each branch of a type of several kinds, in pydantic's errors; no key does so
+# a value may have one of several types; each is a branch in pydantic's errors, whose name begins
+# with these words, as no key does
 BRANCH = "branch of the type: "
 
 
 def kind_of(value):
-    """Return the kind of a value; the branch of a type that may be of several kinds."""
+    """Return the name of the branch for a value, by its Python type."""
     kinds = {"string": str, "bool": bool, "float": (int, float), "list": list, "keys": dict}
     return BRANCH + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
 
 
 def _source_kind(value):
+    """Return the name of the branch for the value of a source: a path, a url or a wheel."""
     if isinstance(value, dict):
         return BRANCH + ("wheel" if "wheel" in value else "url")
     return kind_of(value)
 
 
 def _file_kind(value):
+    """Return the name of the branch for the value of a file: a pair of sources, or one source."""
     pair = isinstance(value, dict) and {*SENSORS} & {*value}
     return f"{BRANCH}pair" if pair else _source_kind(value)
 
 
 def either(by=kind_of, **types):
-    """Return the type of a value that may be of several kinds, each with its own type."""
+    """Return the type of a value that may have one of several `types`, given by name.
+
+    `by` is a function that returns the name of the branch, the type that a value has to fit.
+    """
     members = tuple(Annotated[each, Tag(BRANCH + kind)] for kind, each in types.items())
 
     def branch(value):
+        """Return the name of the branch for a value; whole numbers count as int if there is one."""
         kind = by(value)
         return f"{BRANCH}int" if kind == f"{BRANCH}float" and "int" in types else kind
 
@@ -88,7 +95,7 @@ def either(by=kind_of, **types):
 
 
 def _different(columns):
-    """Return columns; a fault where one is named twice."""
+    """Return a list of columns; raise a ValueError if a column is named twice."""
     if len({*columns}) < len(columns):
         raise ValueError(f"{columns} names a column twice")
     return columns
@@ -101,7 +108,10 @@ def columns(count):
 
 
 def is_branch(part):
-    """Return whether a part of a path in pydantic's error is a branch, not a key of the config."""
+    """Return whether a part of the path in an error of pydantic is no key of the config.
+
+    Then it names a branch: an alternative of a value that may have several types.
+    """
     return part == "[key]" or str(part).startswith(BRANCH)
 
 
@@ -126,26 +136,27 @@ def _holds_none(value):
 
 
 class Keys(BaseModel):
-    """A mapping of keys without unknown ones."""
+    """A mapping of keys, which has no unknown keys."""
 
     model_config = ConfigDict(extra="forbid")
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield (path, text) for each fault that a single key does not show.
+        """Yield (path, text) for each fault that depends on several keys.
 
         Parameters
         ----------
         keys : dict
             The keys as written; each value that has a fault itself, at any depth, is None.
         context : dict or None
-            ``{"replicas": …}`` where the files that are named have to exist, else None.
+            ``{"replicas": …}`` if the files that are named have to exist, else None.
 
         Yields
         ------
         path : tuple of str or int
-            Keys below this mapping.
+            Keys that lead from this mapping to the fault.
         text : str
+            The fault.
         """
         yield from ()
 
@@ -200,7 +211,7 @@ class Download(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the fault of the name that the file gets here."""
+        """Yield the fault, if any, of the name that the file gets on this machine."""
         if None not in map(keys.get, cls.model_fields) and (text := path_fault(file_name(keys))):
             yield (), text
 
@@ -225,11 +236,12 @@ class Wheel(Download):
 def existing(fault):
     """Return the type of a path to a file that exists.
 
-    ``fault(path, replicas)`` returns the fault of a path as text, or None. It is not called where
-    a log is declared without a config.
+    ``fault(path, replicas)`` returns the fault of a path as text, or None. It is not called if a
+    log is declared without a config, when the validation has no context.
     """
 
     def check(path, info):
+        """Return a path; raise a ValueError if it has a fault."""
         if info.context and (text := fault(path, info.context["replicas"])):
             raise ValueError(text)
         return path
@@ -312,7 +324,7 @@ class Marks(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield each column that marks in the log lack."""
+        """Yield a fault if only one of the two columns of marks in the log is given."""
         columns = {"counter", "time"}
         for key in columns - {*keys} if keys and {*keys} < columns else ():
             yield (key,), "missing; marks are two columns of the log, or a file"
@@ -427,14 +439,14 @@ class Session(Keys):
 
 
 class Place(Keys):
-    """Where gravity is computed for."""
+    """Place for which gravity is computed."""
 
     latitude: Number = Field(ge=-90, le=90, description="Geodetic, degrees")
     height: Number = Field(ge=-1000, le=20000, description="Above the ellipsoid, m")
 
 
 class FullScale(Keys):
-    """Largest value; clipped samples are left out, and counted."""
+    """Largest values; clipped samples are left out, and counted."""
 
     acceleration: Positive = Field(None, description="m/s^2")
     angular_rate: Positive = Field(None, description="rad/s")

@@ -1,6 +1,7 @@
-"""What is wrong in a config's text: no YAML, or read otherwise than written.
+"""Faults of a config's text: it is no YAML, or YAML reads it otherwise than the user means it.
 
-Keys given twice, and what YAML 1.1 takes for something else: 1e-3, on, 12:30:00, 007.
+The latter are keys given twice, and values that YAML 1.1 takes for another type: 1e-3, on,
+12:30:00, 007.
 """
 
 import json
@@ -15,7 +16,7 @@ from imuloop.core.errors import one_line
 
 # the loader of libyaml, where it is installed, is much faster
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-# patterns of text, and the type that YAML takes it for
+# patterns of values that YAML takes for another type than the user, and this type
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "str"),
     (r"(?i)on|off|yes|no", "bool"),
@@ -23,12 +24,12 @@ _TRAPS = (
     (r"[-+]?0[0-9_]+", "int"),
     (r"(?i)[-+]?\.(nan|inf)", "float"),
 )
-# further names that YAML does not take for text
+# pattern of the type, by YAML, and the text of further keys that YAML does not take for text
 _NO_NAME = r"(?i)bool (true|false)|null .*"
 
 
 def unreadable(path):
-    """Return the fault of a file without any config, in one line that names it, or None."""
+    """Return why a file holds no config, a line of text with its path; None if it holds one."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -47,7 +48,10 @@ def unreadable(path):
 
 
 def key_lines(text):
-    """Return the line of each key in a config's text; a key is a tuple of its parts."""
+    """Return the number of the line of each key in a config's text, a dict.
+
+    A key is the tuple of all names and indices that lead to a value.
+    """
     lines, waiting = {}, [((), yaml.compose(text, LOADER))]
     while waiting:
         key, node = waiting.pop()
@@ -64,10 +68,13 @@ def key_lines(text):
 
 
 def yaml_faults(text):
-    """Yield (key, fault) for each trap in a config's text, a key as a tuple of its parts."""
+    """Yield (key, fault) for each value that YAML reads otherwise than the user means it.
+
+    A key is the tuple of all names and indices that lead to the value in the config's `text`.
+    """
     traps = _TRAPS
     try:
-        # Snakemake reads such a config as JSON, where a number is a number
+        # Snakemake reads a config that is JSON as JSON, in which these values have no other type
         json.loads(text)
         traps = ()
     except ValueError:
@@ -76,33 +83,39 @@ def yaml_faults(text):
 
 
 def _faults(node, key, traps):
+    """Yield (key, fault) for a node of YAML at a key, and for all nodes below it.
+
+    `traps` are the patterns of values, with types, that are faults.
+    """
     if isinstance(node, yaml.MappingNode):
         seen = set()
         for name, value in node.value:
-            own = (*key, name.value)
+            below = (*key, name.value)
             if name.value in seen:
                 line = name.start_mark.line + 1
-                yield own, f"given twice (again in line {line}); only one would count"
+                yield below, f"given twice (again in line {line}); only one would count"
             seen.add(name.value)
-            if traps and re.fullmatch(_NO_NAME, f"{_kind(name)} {name.value}"):
-                yield own, f"'{name.value}' is not text to YAML; write it in quotes"
-            yield from _faults(name, own, traps)
-            yield from _faults(value, own, traps)
+            if traps and re.fullmatch(_NO_NAME, f"{_yaml_type(name)} {name.value}"):
+                yield below, f"'{name.value}' is not text to YAML; write it in quotes"
+            yield from _faults(name, below, traps)
+            yield from _faults(value, below, traps)
     elif isinstance(node, yaml.SequenceNode):
         for i, value in enumerate(node.value):
             yield from _faults(value, (*key, i), traps)
     elif isinstance(node, yaml.ScalarNode) and not node.style:
-        for pattern, kind in traps:
-            if re.fullmatch(pattern, node.value) and re.fullmatch(kind, _kind(node)):
+        for pattern, types in traps:
+            if re.fullmatch(pattern, node.value) and re.fullmatch(types, _yaml_type(node)):
                 yield key, _trap(node)
 
 
-def _kind(node):
+def _yaml_type(node):
+    """Return the type of a node of YAML, such as ``str``."""
     return node.tag.rpartition(":")[2]
 
 
 def _trap(node):
-    written, kind = node.value, _kind(node)
+    """Return the fault of a value that YAML takes for another type than the user, text."""
+    written, kind = node.value, _yaml_type(node)
     if kind == "str":
         mantissa, exponent = written.lower().split("e")
         whole = mantissa if "." in mantissa else f"{mantissa}.0"
@@ -116,5 +129,5 @@ def _trap(node):
 
 
 if __name__ == "__main__":
-    # before Snakemake reads the files, which does not tell the line
+    # called before Snakemake reads the files, because its message does not name the line
     sys.exit("\n".join(filter(None, map(unreadable, sys.argv[1:]))) or 0)

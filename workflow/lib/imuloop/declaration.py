@@ -1,4 +1,4 @@
-"""What is declared of a device outside a config, checked by the same model as in a config."""
+"""Declarations on a device outside a config; the model of a config checks them, too."""
 
 from collections.abc import Mapping
 from numbers import Real
@@ -15,7 +15,7 @@ KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
 
 
 def check_declared(keys, name="device", settings=None):
-    """Raise an ImuloopError for the first fault of declared keys, found as in a config.
+    """Raise an ImuloopError for the first fault of declared keys, by the check of a config.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def check_declared(keys, name="device", settings=None):
     """
     given = {key: value for key, value in keys.items() if value is not None}
     if not (given or settings or name != "device"):
-        # the model takes long to import
+        # nothing is declared: the model, which takes long to import, is not needed
         return
     from imuloop.config import STAGES
     from imuloop.config_faults import device_faults
@@ -45,7 +45,7 @@ def check_declared(keys, name="device", settings=None):
 
 
 def plain(value):
-    """Return a value with the types that YAML has: of NumPy's, of tuples and of paths."""
+    """Return a value with types of YAML: NumPy scalars, tuples and paths are converted."""
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
@@ -56,7 +56,10 @@ def plain(value):
 
 
 def gravity_of(gravity):
-    """Return local gravity, m/s^2, of a number or of ``{"latitude": …, "height": …}``."""
+    """Return local gravity, m/s^2; `gravity` is a number or ``{"latitude": …, "height": …}``.
+
+    Raises an ImuloopError for a value out of its limits.
+    """
     place = isinstance(gravity, Mapping)
     if place and {*gravity} != {"latitude", "height"}:
         raise ImuloopError(

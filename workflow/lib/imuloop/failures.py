@@ -1,4 +1,4 @@
-"""After a run of the workflow in which jobs failed: the report of all other devices."""
+"""The report of all other devices after a run of the workflow in which jobs failed."""
 
 import shutil
 import time
@@ -11,7 +11,7 @@ from imuloop.core.errors import ImuloopError, one_line
 from imuloop.job_log import last_words
 
 REPORT = "results/report.html"
-# an input of the report: newer than a report without all devices
+# an input of the report; it is written after a report that lacks devices, which is then out of date
 ATTEMPT = Path("results/.attempt")
 
 
@@ -19,19 +19,19 @@ ATTEMPT = Path("results/.attempt")
 class Failure:
     """Why results of a device, or of all devices together, are missing."""
 
-    device: str  # its name; empty if the results are of all together
-    label: str
+    device: str  # name of the device; empty for results of all devices together
+    label: str  # name in the report
     stage: str  # the rule that failed, with the session
-    why: str  # in one line
+    why: str  # reason in one line
     log: str  # file with the traceback
 
 
 def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
-    """Clean up after a run in which jobs failed; if it was to make the report, make it.
+    """Clean up after a run in which jobs failed; write the report if the run was to write it.
 
-    The results of all jobs that depend on a failed job are removed. Snakemake would take them for
-    results of this run and not try again. The report has the complete devices, and for each other
-    device the stage that failed.
+    The results of the failed jobs, and of all jobs that depend on one, are removed. Snakemake would
+    take them for results of this run and not try again. The report has the complete devices, and
+    for each other device the stage that failed.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
     for job in causes:
         for path in map(Path, job.output):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    lines = ["{} failed: {} (more in {})".format(*_told([job], *job.wildcards)) for job in failed]
+    sentence = "{} failed: {} (more in {})"
+    lines = [sentence.format(*_explain([job], *job.wildcards)) for job in failed]
     makers = {str(path): job for job in dag.jobs for path in job.output}
     report = makers.get(REPORT)
     if report in causes and report not in failed:
@@ -68,11 +69,11 @@ def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
         for name, device in devices.items():
             job = makers[f"results/{name}/section.html"]
             if job in causes:
-                failures.append(Failure(name, device["label"], *_told(causes[job])))
+                failures.append(Failure(name, device["label"], *_explain(causes[job])))
             elif dag.needrun(job) and not dag.finished(job):
                 why = "the run stopped before this stage", job.log[0]
                 failures.append(Failure(name, device["label"], job.rule.name, *why))
-        failures = failures or [Failure("", "All devices", *_told(failed))]
+        failures = failures or [Failure("", "All devices", *_explain(failed))]
         try:
             chain.report(devices, command, failures=failures)
             ATTEMPT.write_text(f"{time.time_ns()}\n")
@@ -81,8 +82,11 @@ def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
     return lines
 
 
-def _told(jobs, *words):
-    """Return stage, reason and log of the first of some failed jobs that tells its reason."""
+def _explain(jobs, *words):
+    """Return stage, reason and path of the log of a failed job: the first whose log has a reason.
+
+    `jobs` are failed jobs. The stage is the rule with `words`, by default with the session.
+    """
     job = next((job for job in jobs if last_words(job.log[0])), jobs[0])
     why = last_words(job.log[0]) or "no message: killed, or no memory or no room on the disk left"
     words = words or filter(None, [getattr(job.wildcards, "session", "")])

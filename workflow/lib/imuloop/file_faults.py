@@ -1,4 +1,7 @@
-"""What is wrong with the files that a config names; only that they are there is looked at."""
+"""Faults of the files that a config names: bad paths and missing files.
+
+The contents of the files are not read.
+"""
 
 import os
 import re
@@ -7,7 +10,7 @@ from pathlib import Path
 from imuloop.config import is_stored
 from imuloop.core.errors import nearest
 
-# where the simulate rule puts a replica's log, relative to the working folder
+# path of the log that the rule simulate writes for a replica, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 
@@ -21,12 +24,15 @@ def path_fault(path):
 
 
 def prior_fault(path, replicas):
-    """Return the fault of the file of a prior as text, or None."""
+    """Return the fault of the file of a prior as text, or None; `replicas` is not used."""
     return path_fault(path) or _local_fault(path, remedy="copy it to another folder")
 
 
 def file_fault(path, replicas):
-    """Return the fault of a file with marks or a reference as text, or None."""
+    """Return the fault of a file with marks or a reference as text, or None.
+
+    `replicas` has the sessions of each simulated device that the workflow can make, by device.
+    """
     return log_fault(path, replicas, folder=False)
 
 
@@ -47,7 +53,12 @@ def log_fault(path, replicas, folder=True):
 
 
 def _local_fault(path, remedy, replicas=None, folder=False):
-    """Return the fault of an unreadable local file, or None; a folder's files are inputs."""
+    """Return the fault of a local path that cannot be an input, text, or None.
+
+    `remedy` is the advice for a path that is a result of the workflow. `replicas` has the sessions
+    of each simulated device that the workflow can make, by device. If `folder` is true, the path
+    may be a folder, whose files are inputs.
+    """
     if Path(os.path.normpath(path)).parts[:1] == ("results",):
         return f"{path} is a result of this workflow; {remedy}"
     try:
@@ -63,7 +74,10 @@ def _local_fault(path, remedy, replicas=None, folder=False):
 
 
 def _missing(path, replicas):
-    """Return the fault of a missing local file, or None if the workflow makes it."""
+    """Return the fault of a path without a regular file, or None if the workflow makes the file.
+
+    `replicas` has the sessions of each simulated device that the workflow can make, by device.
+    """
     if simulated := SIMULATED.fullmatch(os.path.normpath(path)):
         replica, session = simulated.groups()
         if replica not in replicas:

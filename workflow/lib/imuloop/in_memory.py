@@ -1,4 +1,4 @@
-"""A log in memory, or files of one, as what `imuloop.calibrate` takes: its table."""
+"""From what `imuloop.calibrate` takes for a log to a path or a table."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -24,17 +24,17 @@ ARRAYS = {
 
 
 def log_of(log, columns=None, name="log"):
-    """Return a log as a path or a DataFrame, or as a mapping of the two sensors to one each.
+    """Return a log as a path or a DataFrame, or a dict of these for the two sensors.
 
-    `columns` are the declared ones, and messages call the log `name`. Raises an ImuloopError for a
-    value that is not a log.
+    `log` is a path, a DataFrame, a mapping, or arrays. `columns` are the declared columns, and
+    `name` is the name of the log in messages. Raises an ImuloopError for a value that is not a log.
     """
     if isinstance(log, FILE):
         if not Path(log).exists():
             raise ImuloopError(f"{log}: there is no such file")
         return log if isinstance(log, str) else Path(log)
     if isinstance(log, pd.DataFrame):
-        return _storable(_with_index(log), name)
+        return _make_storable(_with_index(log), name)
     if isinstance(log, Mapping):
         parts = [k for k, v in log.items() if isinstance(v, (*FILE, pd.DataFrame, Mapping))]
         if parts and {*log} != {*PAIR}:
@@ -50,14 +50,14 @@ def log_of(log, columns=None, name="log"):
             return {quantity: log_of(log[quantity], columns, quantity) for quantity in PAIR}
         if not {*PAIR} <= {*log} <= {*ARRAYS}:
             try:
-                return _storable(pd.DataFrame(dict(log)), name)
+                return _make_storable(pd.DataFrame(dict(log)), name)
             except ValueError as error:
                 raise ImuloopError(f"{name}: {error}") from error
         log = tuple(map(log.get, ARRAYS))
     if isinstance(log, (tuple, list)) and len(log) in (3, 4) and not isinstance(log[0], FILE):
-        return _storable(_of_arrays(*log), name)
+        return _make_storable(_table_of_arrays(*log), name)
     if isinstance(log, np.ndarray) and log.ndim == 2 and columns:
-        return _storable(pd.DataFrame(log), name)
+        return _make_storable(pd.DataFrame(log), name)
     what, remedy = f"a {type(log).__name__}", ""
     if isinstance(log, (tuple, list)):
         what += f" of {len(log)}"
@@ -72,8 +72,11 @@ def log_of(log, columns=None, name="log"):
     )
 
 
-def _of_arrays(*arrays):
-    """Return a log of arrays as a table; an ImuloopError for an array of another shape."""
+def _table_of_arrays(*arrays):
+    """Return a log of arrays, in the order of `ARRAYS`, as a DataFrame; None for a missing array.
+
+    Raises an ImuloopError for an array of a wrong shape.
+    """
     given = {k: _array(k, v) for k, v in zip(ARRAYS, arrays, strict=False) if v is not None}
     for quantity in PAIR:
         if quantity not in given:
@@ -93,7 +96,7 @@ def _of_arrays(*arrays):
 
 
 def _array(name, values):
-    """Return array_like values as an array, masked ones as nan."""
+    """Return array_like values as an array, with nan for masked ones; `name` is for a message."""
     if isinstance(values, np.ma.MaskedArray):
         return values.astype(float).filled(np.nan)
     try:
@@ -103,15 +106,18 @@ def _array(name, values):
 
 
 def _with_index(table):
-    """Return a table with its index, if that has times or a name, as a column."""
+    """Return a DataFrame with its index as a column, if the index has times or a name."""
     name = table.index.name
     if name is None and isinstance(table.index, pd.DatetimeIndex):
         name = TIME
     return table if name is None or name in table else table.rename_axis(name).reset_index()
 
 
-def _storable(table, name):
-    """Return a table that a Parquet file can hold: other columns become float64, or else text."""
+def _make_storable(table, name):
+    """Return a DataFrame that a Parquet file can hold; `name` is the name of the log in messages.
+
+    A column that the file cannot hold becomes float64 if it has numbers, otherwise text.
+    """
     if not table.columns.is_unique:
         [twice, *_] = table.columns[table.columns.duplicated()]
         raise ImuloopError(f"{name}: two columns are named {twice}")

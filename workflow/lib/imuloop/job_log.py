@@ -1,4 +1,4 @@
-"""The log of one job: a traceback goes there, one line goes to the terminal."""
+"""The log of one job: a traceback goes to its log file, one line goes to the terminal."""
 
 import logging
 import sys
@@ -8,19 +8,19 @@ from imuloop.core.errors import ImuloopError, one_line, printable
 
 
 class Printable(logging.Formatter):
-    """Lines, tracebacks too, without the control characters that a terminal would obey."""
+    """Formatter of log lines and tracebacks, without control characters that a terminal obeys."""
 
     def format(self, record):
-        """Return the text of a record."""
+        """Return the text of a record of `logging`."""
         return printable(super().format(record))
 
 
 def failure_line(error):
     """Return one line of text about an exception for the user.
 
-    It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
+    The line is the text of the exception if this is an `ImuloopError` or an error of a file, of the
     machine or of a missing package. Other exceptions, such as errors of numerical libraries, have
-    texts about code, which are not shown.
+    texts on the code, which are not shown.
     """
     kind = type(error).__name__
     if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
@@ -29,9 +29,9 @@ def failure_line(error):
 
 
 def open_log(path, job):
-    """Begin a job: send all that it logs, warnings and a last traceback to its log file.
+    """Send all log lines of a job, warnings and the traceback of a failure to the file `path`.
 
-    `job`, stage and device, is named in the one line that the terminal gets when the job fails.
+    When the job fails, the terminal gets one line that names `job`, its stage and device.
     """
     logging.basicConfig(filename=path, filemode="w", level=logging.INFO, force=True)
     for handler in logging.getLogger().handlers:
@@ -39,6 +39,7 @@ def open_log(path, job):
     logging.captureWarnings(True)
 
     def fail(kind, error, traceback):
+        """Log an exception, given by class, object and traceback; show one line on the terminal."""
         logging.error("traceback", exc_info=(kind, error, traceback))
         line = failure_line(error)
         logging.critical(line)
@@ -48,7 +49,7 @@ def open_log(path, job):
 
 
 def last_words(path):
-    """Return the line that a job ended its log with when it failed; empty without one."""
+    """Return the reason that a failed job wrote at the end of its log, text; empty if none."""
     if not Path(path).is_file():
         return ""
     lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()

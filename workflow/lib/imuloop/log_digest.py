@@ -1,4 +1,4 @@
-"""The param `logs` of the ingest: a log is read again when its content is another."""
+"""The param `logs` of the rule ingest: a log is read again when its content has changed."""
 
 import hashlib
 import json
@@ -8,9 +8,10 @@ from pathlib import Path
 
 
 def log_digests(paths, record):
-    """Return the SHA-256 of each file; only a file whose state changed since the last call is read.
+    """Return the SHA-256 of each file, a list of text.
 
-    The state is size, times and inode. It alone cannot tell a changed log from a copied one.
+    Only files whose state has changed since the last call are read. The state is size, times and
+    inode. It changes with the content, but also if the same log is copied.
 
     Parameters
     ----------
@@ -20,7 +21,7 @@ def log_digests(paths, record):
         File with a line for each file that was read: its path, state and SHA-256, as JSON. A later
         line replaces an earlier one.
     """
-    known = _known(record)
+    known = _read_record(record)
     for path in map(str, paths):
         found = Path(path).stat()
         state = [found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino]
@@ -36,7 +37,8 @@ def log_digests(paths, record):
 
 
 @cache
-def _known(record):
+def _read_record(record):
+    """Return state and SHA-256 of files, a list for each path, from the lines of a record file."""
     known = {}
     with suppress(OSError):
         for line in Path(record).read_text().splitlines():

@@ -1,6 +1,6 @@
-"""The figures of a device, for the report, its files and notebooks, by matplotlib.
+"""The figures of a device in notebooks, by matplotlib; they are those of the report.
 
-``draw(areas, result, name)`` draws one of them on Axes; ``result.plot.allan()`` gives figures.
+``draw(areas, result, name)`` draws a figure on given Axes; ``result.plot.allan()`` returns figures.
 """
 
 from imuloop.core.errors import ImuloopError, nearest
@@ -31,7 +31,7 @@ def draw(areas, result, name):
     areas : matplotlib.axes.Axes, or list of them
         Where to draw; a figure of several areas needs as many, row by row.
     result : imuloop.Result
-        What was found out about a device.
+        The result of a device.
     name : str
         Name of the figure's file, as ``static_1_allan_gyroscope``.
 
@@ -47,7 +47,7 @@ def draw(areas, result, name):
 
 
 class Plots:
-    """Figures of a result: each method returns matplotlib figures, ``plots.residuals()``."""
+    """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them."""
 
     def __init__(self, device):
         folder, label = device.folder, device.label or device.name
@@ -59,7 +59,7 @@ class Plots:
         return pictures(self._device, kind)
 
     def _figures(self, kind, names):
-        """Return the figures of a kind whose names hold every given name."""
+        """Return the figures of a kind, a list, whose names contain all of `names`."""
         drawn = {p.stem: p for p in self.pictures(kind)}
         known = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
         for name in names:
@@ -76,12 +76,15 @@ class Plots:
 
 
 def _holds(stem, name):
-    """Return whether the name of a figure holds a name, whole words only."""
+    """Return whether the name of a figure, `stem`, contains `name` as whole words."""
     return f"_{name}_" in f"_{stem}_"
 
 
 def _method(kind, words):
-    """Return the method of `Plots` that draws the figures of a kind."""
+    """Return the method of `Plots` that draws the figures of a kind.
+
+    `words` is the first line of its docstring.
+    """
 
     def figures(self, *names):
         return self._figures(kind, names)
@@ -92,7 +95,7 @@ def _method(kind, words):
     Parameters
     ----------
     *names : str
-        Only figures with these names in theirs: a sensor, a session, or the figure's own name.
+        Return only figures whose names contain these: a sensor, a session, or a figure's own name.
 
     Returns
     -------

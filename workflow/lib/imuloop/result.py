@@ -1,4 +1,4 @@
-"""The result of all stages for one device: an object over the files in its folder."""
+"""The result of all stages for one device: an object that reads the files in its folder."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Result:
     """The results of all stages for one device."""
 
     device: chain.Device  # input of the stages; its folder has the result files
-    # keeps a temporary folder as long as the result
+    # a TemporaryFolder, which exists as long as the result; None if the user named the folder
     _folder: object = field(default=None, repr=False, compare=False)
 
     @cached_property
@@ -77,7 +77,7 @@ class Result:
 
     @cached_property
     def diagnosis(self) -> dict:
-        """What diagnosis.json holds."""
+        """Content of diagnosis.json."""
         return read_json(self.device.file("diagnosis.json"))
 
     @property
@@ -102,10 +102,10 @@ class Result:
             chain.allan(self.device)
 
     def report(self, path, command="imuloop.calibrate", linked=True) -> Path:
-        """Write the report, one HTML file; return its path.
+        """Write the report, one HTML file, to `path`; return this path.
 
-        `command` is the command that it names as its origin. It links to the result files, relative
-        to it, if `linked` and if they are not in a temporary folder.
+        `command` is the command that the report names as its origin. If `linked` is true and the
+        result files are not in a temporary folder, the report has relative links to them.
         """
         from imuloop.report.provenance import provenance
         from imuloop.report.report import write_report
@@ -128,18 +128,18 @@ class Result:
         return path
 
     def export(self, folder) -> list:
-        """Write the calibration for other tools into a folder; return the paths."""
+        """Write files with the calibration for other tools into a folder; return their paths."""
         chain.export(self.device)
         Path(folder).mkdir(parents=True, exist_ok=True)
         sources = sorted(self.device.file("exports").iterdir())
         targets = [Path(folder) / source.name for source in sources]
         for source, target in zip(sources, targets, strict=True):
-            # it may be the same file
+            # source and target may be the same file, which a copy would refuse
             target.write_bytes(source.read_bytes())
         return targets
 
     def save(self, folder) -> Path:
-        """Copy the result's files into a folder, from which `imuloop.load` reads it; return it."""
+        """Copy the result's files into a folder, for `imuloop.load`; return the folder's path."""
         if Path(folder).resolve() != self.device.folder.resolve():
             shutil.copytree(self.device.folder, folder, dirs_exist_ok=True)
         return Path(folder)
@@ -166,7 +166,7 @@ class Result:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
-        # records with the same sentence share a line
+        # records with the same sentence share a line: by sentence, the list of its records
         places = {}
         for block in blocks(self.diagnosis):
             place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
@@ -216,7 +216,7 @@ def load(folder) -> Result:
     ----------
     folder : path-like
         ``results/<device>`` of the workflow, ``folder`` of `calibrate`, or the folder of
-        `Result.save`. The label is in it if a report was written.
+        `Result.save`. The result has the label of the device only if a report was written.
 
     Raises
     ------

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.special import chdtri
 
-from imuloop.calibrate.contradictions import change
+from imuloop.calibrate.contradictions import why_changed
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.nominal import nominal_sensors
 from imuloop.calibrate.sessions import (
@@ -36,8 +36,8 @@ from imuloop.model.state import BIAS, COUNT
 CONTRADICTORY = 9.0
 # rough standard deviations of each kind of residual, SI, for the first fit that gives the start
 START = {"gravity_norm": 1e-3, "pose_rate": 1e-3, "rotation": 0.01}
-# root mean square of the residuals of the first fit, in these standard deviations, above which the
-# data contradict each other
+# root mean square of the residuals of the first fit, in the standard deviations `START`, above
+# which the data contradict each other
 MISFIT = 10.0
 # probability that a sensor within its prior is rejected as contradictory
 CHANCE = 1e-4
@@ -62,8 +62,8 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, (3,) each, if the fit shall hold it. Nominal SI: raw
-        readings converted with the data sheet's scale and offset.
+        Bias of the gyroscope and its variance, (3,) each, if the fit shall hold this bias. Nominal
+        SI: raw readings converted with the data sheet's scale and offset.
 
     Returns
     -------
@@ -127,8 +127,8 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
     """Return the calibrations of both sensors by one fit to poses, rotations and known turns.
 
     A sensor without data, or with data that contradict each other, has no fit. Its T, K and b are
-    then the means of the prior, with the reason; only the bias of the gyroscope is measured at
-    rest.
+    then the means of the prior, and its calibration has the reason; the bias of a gyroscope without
+    a fit is still measured at rest.
 
     Parameters
     ----------
@@ -158,8 +158,9 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
         try:
             solution = joint.fit(recording)
         except LinAlgError as error:
-            # without a sensor that changed during the recording, the last one is to blame
-            changes = {s: why for s in joint.estimated if (why := change(s, recording))}
+            # if no sensor changed during the recording, the error does not say which one caused it;
+            # the last is left out, because the first can be fitted without it
+            changes = {s: why for s in joint.estimated if (why := why_changed(s, recording))}
             refused = changes or {joint.estimated[-1]: why_no_fit(error)}
         else:
             refused = contradictions(joint, solution, recording)
@@ -179,7 +180,7 @@ def contradictions(joint, solution, recording):
     The data of a sensor contradict each other in two cases: the fit gives values that no sensor
     has, or the residuals are larger than the prior allows. In these cases, and if the reduced χ² is
     above `CONTRADICTORY`, a change of the sensor during the recording is looked for, too. If there
-    is one, it is the reason.
+    is one, the change is the reason.
 
     The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
     Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² if the parameters
@@ -220,7 +221,7 @@ def contradictions(joint, solution, recording):
         # a change is the better reason, and is looked for if the residuals are large, too; without
         # degrees of freedom the reduced χ² is None
         if why or (calibration.reduced_chi2 or 0.0) > CONTRADICTORY:
-            why = change(sensor, recording) or why
+            why = why_changed(sensor, recording) or why
         if why:
             refused[sensor] = why
     return refused
@@ -249,7 +250,7 @@ def calibrate_device(
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
 
     def calibrate(recording, turns=None):
-        """Return the calibrations of both sensors by a Recording and KnownTurns, by name."""
+        """Return the calibrations, by sensor, from a Recording and optional KnownTurns."""
         return calibrate_sensors(recording, model, gravity, units, settings, prior, turns)
 
     multi, six, turned = (read_recording(sessions, settings.longest_rotation, k) for k in GROUPS)

@@ -21,12 +21,12 @@ TURN = 0.05
 SOFT_L1_SCALE = 1e-3
 # fewest rotations that can contradict one of them, and the largest share that may be left out
 FEWEST, SHARE = 12, 0.1
-# fewest poses, or rotations, on one side of a change that determine nine parameters, and the share
-# of all that they have to be
+# a change of a sensor divides its poses, or rotations, in two parts. One part determines the nine
+# parameters: the fewest poses or rotations in this part, and its least share of all
 PARTS = {"accelerometer": 12, "gyroscope": 8}
 LONG = 1 / 3
-# fewest on the other side, the share of them that has to contradict, and the least error that
-# contradicts: share of gravity, rad
+# the other part contradicts it: the fewest poses or rotations in it, the share of them that has to
+# contradict, and the least error that contradicts, share of gravity or rad
 CHANGED, MOST = 3, 0.5
 LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
 # by sensor, the word for its measurements in a recording, and the part that may have changed
@@ -38,15 +38,15 @@ WORDS = {
 NOMINAL = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
 # prior standard deviation of misalignment, rad, scale factor, 1, and bias, share of gravity
 LOOSE = 0.1
-# ratio of a singular value to the largest below which it is set to this ratio
+# least ratio of a singular value to the largest one: a smaller ratio is raised to this
 UNSEEN = 1e-9
-# largest ratio of the errors of two possible parts before the same change
+# largest ratio of the residuals of a fitted part to the smallest ones, for a possible change
 UNEVEN = 2.0
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of m poses or rotations, with c components, by one calibration of all.
+    """Errors of m poses or rotations, with c components each, by one calibration for all.
 
     Errors of poses are shares of gravity, errors of rotations are rad.
     """
@@ -130,14 +130,14 @@ def fit_gravity_norm(f):
 def sensor_errors(sensor, recording):
     """Return the Errors of a sensor, given by its name, in a Recording.
 
-    Those of the accelerometer are errors of the norm of gravity at the poses, in shares of gravity,
-    after a fit of its nine parameters. Those of the gyroscope are errors of the rotations, rad,
-    with nominal T and K. A rotation carries the direction of gravity from one pose to the next. Its
-    error has two components, across the direction that the accelerometer measures there. The bias
-    of a rotation is the mean rate of both poses, as the bias may drift.
+    The errors of the accelerometer are those of the norm of gravity at the poses, in shares of
+    gravity, after a fit of its nine parameters. The errors of the gyroscope are those of the
+    rotations, rad, with nominal T and K. A rotation carries the direction of gravity from one pose
+    to the next. The error has two components, across the direction that the accelerometer measures
+    at the next pose. The bias of a rotation is the mean rate of both poses, as the bias may drift.
     """
     poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
-    # in shares of gravity, as its scale may be far from the declared one
+    # in shares of gravity, as the accelerometer's scale may be far from the declared one
     f = poses.f / np.median(np.linalg.norm(poses.f, axis=1))
     x, root = fit_gravity_norm(f)
     bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2
@@ -171,10 +171,10 @@ def odd_turns(recording):
     """Return which rotations of a Recording contradict the others, and the errors of all.
 
     The first result is a mask, (m,) of bool, of the m rotations. The second has the size of the
-    error of each, rad, (m,), by a robust fit of the gyroscope to all rotations. No rotation is
-    marked if more than a few contradict the others, or if there are fewer than `FEWEST`. The
-    uncertainty of a rotation by undersampling, and by directions of gravity that the poses do not
-    determine, is allowed for.
+    error of each rotation, rad, (m,), by a robust fit of the gyroscope to all rotations. No
+    rotation is marked if more than a few contradict the others, or if there are fewer than
+    `FEWEST`. The uncertainty of a rotation by undersampling, and by directions of gravity that the
+    poses do not determine, is allowed for.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
@@ -188,15 +188,15 @@ def odd_turns(recording):
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
 
-def first_changed(errors, fewest, least):
+def find_change(errors, fewest, least):
     """Return the index k of the first error after a sensor changed; None if it did not change.
 
     For each k, the errors are split in those before k and those from k on. The nine parameters of
     the sensor are fitted to one part and predict the errors of the other. The parts contradict each
     other if most errors of the other part are larger than `least` and far larger than the
     uncertainty of the prediction. Among all k at which the parts contradict each other, those are
-    kept whose fitted part has nearly the smallest residuals. The k with the longest fitted part of
-    these is returned.
+    kept whose fitted part has nearly the smallest residuals. Of these k, the one with the longest
+    fitted part is returned.
 
     Parameters
     ----------
@@ -234,18 +234,18 @@ def first_changed(errors, fewest, least):
     return max(chosen)[1] if chosen else None
 
 
-def changed_at(sensor, recording):
-    """Return when a sensor changed during a Recording, s, and a sentence on it, or None.
+def change_of_sensor(sensor, recording):
+    """Return when a sensor changed during a Recording, s, and a sentence on the change, or None.
 
-    It is None if the sensor, given by its name, did not change, if the recording has several
-    sessions, or if it has too few poses or rotations to tell.
+    The result is None if the sensor, given by its name, did not change, if the recording has
+    several sessions, or if the recording has too few poses or rotations to tell.
     """
     poses, (what, name) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
     if len(table) < PARTS[sensor] + CHANGED or not sensors_work(poses) or np.ptp(poses.session):
         return None
-    k = first_changed(sensor_errors(sensor, recording), PARTS[sensor], LEAST[sensor])
+    k = find_change(sensor_errors(sensor, recording), PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
     time = (table.end_s[k - 1] + table.start_s[k]) / 2
@@ -256,10 +256,10 @@ def changed_at(sensor, recording):
     )
 
 
-def change(sensor, recording):
-    """Return a sentence on when and how a sensor changed during a Recording, or None.
+def why_changed(sensor, recording):
+    """Return a sentence that says when a sensor changed during a Recording, and why this is so.
 
-    It is None if the sensor, given by its name, did not change or if the data cannot tell.
+    The result is None if the sensor, given by its name, did not change or if the data cannot tell.
     """
-    time_and_text = changed_at(sensor, recording)
+    time_and_text = change_of_sensor(sensor, recording)
     return time_and_text and time_and_text[1]

@@ -22,7 +22,8 @@ from imuloop.ingest.jitter import bend, jitter_sign
 
 # fewest windows of a rotation that determine the error of a gap
 FEWEST = 10
-# error, share of the angle, above which a rotation is useless: uncalibrated sensors are better
+# error by gaps, share of the angle, above which a rotation is useless: even the errors of sensors
+# without a calibration are smaller
 LARGEST_ERROR = 0.05
 # standard deviation of the jitter, share of a step, below which it is neglected
 LEAST_JITTER = 0.02
@@ -74,9 +75,9 @@ def errors_of_time(t, w, begin, last, bias, variance):
 def _estimate_jitter(t, w, usual):
     """Return the standard deviation of the jitter of time stamps, s, a float.
 
-    It is zero if the samples were taken at their uneven time stamps, so that these are right, or if
-    it is below the share `LEAST_JITTER` of a step. Takes time t, s, (N,), angular rate w, rad/s,
-    (N, 3), and the usual step, s.
+    The result is zero if the samples were taken at their uneven time stamps, so that these are
+    right, or if the jitter is below the share `LEAST_JITTER` of a step. Takes time t, s, (N,),
+    angular rate w, rad/s, (N, 3), and the usual step, s.
     """
     # `bend` is a time stamp less the mean of its neighbours, with 1.5 times the variance of one.
     # The median of |e| of a normal variable e is 0.6745 of its standard deviation
@@ -87,11 +88,12 @@ def _estimate_jitter(t, w, usual):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the rotation over each step, rad², (k - 1, 3, 3), by interpolation.
+    """Return the covariance of the error of each step's rotation by its gap, rad², (k - 1, 3, 3).
 
-    It is zero for a step without missing samples, and infinite for one with so many that the error
-    cannot be measured. Takes angular rate w, rad/s, (k, 3), of the k samples of a rotation, the
-    number of samples `lost` in each step, (k - 1,), and the usual step, s.
+    This is the error that the interpolation of lost samples makes. The covariance is zero for a
+    step without lost samples, and infinite if so many are lost that the error cannot be measured.
+    Takes angular rate w, rad/s, (k, 3), of the k samples of a rotation, the number of samples
+    `lost` in each step, (k - 1,), and the usual step, s.
     """
     covariance = np.zeros((len(lost), 3, 3))
     for n in set(lost[lost > 0].tolist()):
@@ -102,9 +104,9 @@ def gap_covariance(w, lost, usual):
 def _mean_square(w, lost, n, usual):
     """Return the mean square error of interpolation over a gap of n samples, rad², (3, 3).
 
-    It is measured in all windows of a rotation that have all samples, as if n of them were missing,
-    and is infinite if there are fewer than `FEWEST` windows. Takes angular rate w, rad/s, (k, 3),
-    the number of samples `lost` in each step, (k - 1,), and the usual step, s.
+    The error is measured in all windows of a rotation that have all samples, as if n of them were
+    missing. The result is infinite if there are fewer than `FEWEST` windows. Takes angular rate w,
+    rad/s, (k, 3), the number of samples `lost` in each step, (k - 1,), and the usual step, s.
     """
     # a window has the step before the gap, the n + 1 steps of the gap, and the step after it
     complete = np.convolve(lost == 0, np.ones(n + 3), "valid") > n + 2.5

@@ -9,7 +9,7 @@ from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 from imuloop.factors.known_turns import KnownTurns
 
-# cosine of 20 degrees: a turn whose axis is closer to gravity was made on a level table
+# cosine of 20 degrees: if its axis is closer to gravity, a turn was made on a level table
 LEVEL = 0.94
 
 
@@ -17,8 +17,8 @@ def read_turns(sessions, force):
     """Return the KnownTurns of a device, its turns by a declared angle or at a declared rate.
 
     Turns with clipped samples or fewer than three samples are left out. The axis of a turn is the
-    declared axis of the body. If gravity at the start of the turn lies within 20 degrees of it, the
-    axis is the direction of gravity instead, as the accelerometer measures it.
+    declared axis of the body. If this axis lies within 20 degrees of gravity at the start of the
+    turn, the axis is the direction of gravity instead, which the accelerometer measures.
 
     `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
     ``samples`` and ``segments``. `force` is the SensorCalibration of the accelerometer.

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.calibrate.contradictions import changed_at
+from imuloop.calibrate.contradictions import change_of_sensor
 from imuloop.core.samples import ANGULAR_RATE
 from imuloop.model.raw_units import in_raw_units
 from imuloop.model.sensor_calibration import SensorCalibration
@@ -17,7 +17,7 @@ def nominal_sensors(reasons, recording, noise, units, prior):
     """Return the calibrations of sensors without a fit, a dict of SensorCalibration by sensor.
 
     Their misalignment T, scale factors K and bias b are the means of the prior. If there is a rest,
-    the bias of the gyroscope is measured instead, unless it changed during the recording.
+    the bias of the gyroscope is measured instead, unless this bias changed during the recording.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def nominal_sensors(reasons, recording, noise, units, prior):
     for sensor, reason in reasons.items():
         calibration = SensorCalibration.nominal(units[sensor], reason)
         if sensor == "gyroscope":
-            time, words = changed_at(sensor, recording) or (np.inf, "")
+            time, words = change_of_sensor(sensor, recording) or (np.inf, "")
             # the reason may name the change already; without a change the words are empty
             reason = reason if words in reason else f"{reason}; {words}"
             calibration = rest_bias(recording.poses, noise, units[sensor], reason, time)
@@ -56,11 +56,11 @@ def nominal_sensors(reasons, recording, noise, units, prior):
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
     """Return the SensorCalibration of a gyroscope that only rested: only its bias is measured.
 
-    The bias is the mean over the poses, weighted by the inverse covariance of their noise. If it
-    varies more between n power cycles than the noise explains, it is the mean over the power
-    cycles, with the variance ``s²/n``, where s² is the variance between them.
+    The bias is the mean over the poses, weighted by the inverse covariance of their noise. If the
+    bias varies more between n power cycles than the noise explains, the result is the mean over the
+    power cycles, with the variance ``s²/n``, where s² is the variance between them.
 
-    The bias is nominal without a rest, if the noise of an axis is not known, or if the biases
+    The bias is nominal if there is no rest, if the noise of an axis is not known, or if the biases
     before and after the time `changed` differ by more than `SAME` standard deviations.
 
     Parameters
@@ -88,7 +88,8 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
         shares /= shares.sum(axis=2, keepdims=True)
         return shares, np.einsum("gan,na->ga", shares, poses.w)
 
-    # difference between the biases after and before the change, and its variance; zero without one
+    # difference between the biases after and before the change, and the variance of the difference;
+    # both are zero without a change
     shares, biases = means(poses.start_s > changed)
     contrast = shares[-1] - shares[0]
     variance = np.einsum("an,anm,am->a", contrast, covariance, contrast)

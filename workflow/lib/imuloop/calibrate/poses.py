@@ -15,7 +15,7 @@ from imuloop.segment.windows import DECIDING
 
 # length of the taper of the weights at both ends of a rest in the hand, s
 FADE = 0.25
-# relative difference of two values below which only their number format tells them apart
+# relative difference of two values below which they differ by their number format only
 SAME_LEVEL = 1e-9
 # distance from a multiple of the step, in steps, above which levels have no common step
 UNEVEN = 0.1
@@ -75,11 +75,11 @@ class Poses(Table):
     def mean_covariance(self, noise):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        It is the sum of the covariance that the NoiseModel `noise` predicts and the variance that
-        rounding and tilts add, which is independent between poses. If the noise of a channel is not
-        known, its covariance is diagonal: the sample variance within the pose over the number of
-        samples. The fit of both sensors does not use this covariance, but one that includes the
-        rotations (`ResidualCovariance`).
+        The covariance is the sum of the one that the NoiseModel `noise` predicts and the variance
+        that rounding and tilts add, which is independent between poses. If the noise of a channel
+        is not known, its covariance is diagonal: the sample variance within the pose over the
+        number of samples. The fit of both sensors does not use this covariance, but one that
+        includes the rotations (`ResidualCovariance`).
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):
@@ -90,8 +90,9 @@ class Poses(Table):
     def unknown_noise(self, noise, channels):
         """Return the reason, text, why the noise of some channels is not known, or None.
 
-        Then the means over the poses would have no weight in a fit. `noise` is a NoiseModel, and
-        `channels` has the names of the channels. The result is None if all are known.
+        If it is not known, the means over the poses cannot be weighted in a fit. `noise` is a
+        NoiseModel, and `channels` has the names of the channels. The result is None if the noise of
+        all these channels is known.
         """
         chosen = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[chosen])
@@ -170,7 +171,8 @@ def rounding_variance(samples, variance):
     Parameters
     ----------
     samples : ndarray, shape (m,)
-        Samples of the channel, of which q is found. The result is zero if they have no common step.
+        Samples of the channel, from which q follows. The result is zero if they have no common
+        step.
     variance : ndarray, shape (r,)
         Sample variance within each of r rests; their mean, less q²/12 by rounding, is σ².
 
@@ -207,7 +209,8 @@ def add_rounding(poses, logs):
 def _taper_weights(n, share):
     """Return weights of n samples, (n,), from 0 to 1, with a cosine taper at both ends.
 
-    `share` is the share of the samples over which they rise at the start and fall at the end.
+    `share` is the share of the samples over which the weights rise at the start, and over which
+    they fall at the end.
     """
     from_end = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) / (n + 1)
     return (1 - np.cos(np.pi * np.minimum(from_end / share, 1))) / 2

@@ -48,8 +48,8 @@ class Log:
     def of(cls, samples, rails=None):
         """Return the Log of samples, a DataFrame or a dict of arrays.
 
-        `rails` has by channel the ends of its range, (low, high), SI; an end is None if no sample
-        reaches it. Without `rails` no sample counts as clipped.
+        `rails` has the ends of the range of each channel by name, (low, high), SI; an end is None
+        if no sample reaches it. By default no sample counts as clipped.
         """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
@@ -94,7 +94,7 @@ class Recording:
     rotations: Rotations
     logs: tuple[Log, ...] = ()  # the Log of each session, for effects with a memory
     lost: Lost = field(default_factory=Lost)  # rotations and rests that were left out
-    # whether an accelerometer is slower than its gyroscope, so that its samples are interpolated
+    # whether an accelerometer is slower than the gyroscope, so that its samples are interpolated
     slow_force: bool = False
     # kind of the sessions, which names the method of the calibration
     kind: str = "multi_position"
@@ -122,7 +122,7 @@ class Recording:
         """Return a copy of the Recording with negative numbers of power cycles.
 
         A calibration may have a bias for each of the power cycles 0, 1, … that it was fitted to. It
-        has none for a negative number, as for a power cycle that comes later.
+        has no bias for a negative number, which stands for a power cycle that comes later.
         """
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
@@ -156,7 +156,7 @@ class Recording:
     def rotation_channels(self, sensor, output, other, align_other=identity):
         """Return the Channels that an effect of a sensor depends on, along the m rotations.
 
-        They have m k points: the k samples of the first rotation, then of the next.
+        The Channels have m k points: the k samples of the first rotation, then of the next.
 
         Parameters
         ----------
@@ -194,8 +194,8 @@ class Recording:
         """Return the calibrated specific force, m/s^2, at the n poses and along the m rotations.
 
         The results have the shapes (n, 3) and (m, k, 3), with k samples per rotation. `calibration`
-        is the SensorCalibration of the accelerometer, with its effects. These see the angular rate
-        in nominal SI.
+        is the SensorCalibration of the accelerometer, with its effects. Effects that depend on the
+        angular rate get this rate in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
         at_poses = self.pose_channels("accelerometer", calibration.output, poses.w)
@@ -204,10 +204,10 @@ class Recording:
         return calibration.apply(poses.f, at_poses), in_rotations.reshape(rotations.f.shape)
 
     def _history(self, sensor, output, align_other, reduce):
-        """Return the function with which Channels evaluate a function of the whole log.
+        """Return a function `history`, with which Channels evaluate a function of the whole log.
 
-        The returned function takes that function, of the LoggedChannels of a session, and its
-        constants. It returns the values at the points of the Channels.
+        `history` takes a function, of the LoggedChannels of a session and of constants, and these
+        constants. It returns the values of this function at the points of the Channels.
 
         Parameters
         ----------
@@ -251,8 +251,8 @@ def pose_means(poses, logs, logged):
 def record(samples, segments, longest_rotation, rails=None):
     """Return the Recording of several sessions: poses, and the rotations between them.
 
-    It has temperatures only if every session logs them. Rotations that contradict all others are
-    left out.
+    The poses have temperatures only if every session logs them. Rotations that contradict all
+    others are left out.
 
     Parameters
     ----------
@@ -285,10 +285,10 @@ def record(samples, segments, longest_rotation, rails=None):
 
 
 def _has_slow_force(samples):
-    """Return whether an accelerometer is slower than its gyroscope, so that it is interpolated.
+    """Return whether the accelerometer is so much slower that its samples are interpolated.
 
-    That is so if fewer than two thirds of the rows of `samples` have a new sample of it, by its own
-    time stamps; without them it is not.
+    The accelerometer is slower if fewer than two thirds of the rows of `samples` have a new sample
+    of it, by its own time stamps. If it has no time stamps of its own, it is not slower.
     """
     stamps = samples.get(OWN_TIME["accelerometer"])
     return stamps is not None and np.mean(np.diff(stamps) > 0) < 2 / 3

@@ -45,8 +45,8 @@ class ReferenceLog:
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
     w: np.ndarray  # (N, 3): calibrated angular rate, rad/s
-    # (N, 3, 3): rotation matrices from axes near the body's to the axes of the reference's world,
-    # not-a-number where the reference was lost: the attitude that the reference gives times `frame`
+    # (N, 3, 3): rotation matrices from axes near the body's to the axes of the reference's world.
+    # They are the attitude that the reference gives times `frame`, not-a-number where it was lost
     attitude: np.ndarray
     place: np.ndarray  # (N, 3): position of the marker, m
     frame: np.ndarray  # (3, 3): estimated rotation from the body to the axes of the tracked body
@@ -107,9 +107,9 @@ class Windows:
     rows, t : ndarray, shape (m, k)
         Index and time, s, of all samples of each window.
     shared : ndarray of int
-        Indices, among all parameters x of the set-up, of those that the sessions share: the
+        Indices, among all parameters x of the set-up, of those that the sessions share: first the
         parameters of `effects`, such as the offset of the clock, then the `entries` of the matrix
-        A, the error of the calibration's T and K: the output is ``(1 + A) (y - b)``.
+        A. A is the error of the calibration's T and K: the output is ``(1 + A) (y - b)``.
     prior : ndarray
         Prior standard deviations of the shared parameters, SI.
     places : ndarray of int, shape (s, q)
@@ -126,8 +126,8 @@ class Windows:
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # A has the standard errors of T and of K, the latter relative to K, or the tolerance of
-        # the data sheet if this is smaller
+        # the prior standard deviations of A are the standard errors of T and, relative to K, of K,
+        # or the tolerance of the data sheet if this is smaller
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
@@ -193,15 +193,15 @@ class Windows:
     def mounting(self, x):
         """Return the mounting M of each window, (m, 3, 3), from the parameters x, (p,).
 
-        It rotates from the axes of the IMU's body to those that the attitude of the logs starts
-        from, which are near them.
+        M rotates from the axes of the IMU's body to the axes near them from which the `attitude`
+        of a ReferenceLog rotates.
         """
         return Rotation.from_rotvec(x[self.places[:, 3:6]]).as_matrix()[self.session]
 
     def derivative(self, x):
         """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
 
-        It is numerical. The residuals of a window have three components.
+        The derivative is numerical. The residuals of a window have three components.
         """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
         # one parameter is changed in all sessions at once
@@ -274,7 +274,7 @@ class Places(Windows):
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        # too few windows are not used
+        # `windows_of` leaves out a sensor with too few windows, so nothing more is computed
         if len(self.session) < LEAST_WINDOWS:
             return
         # weights of a mean, which fall linearly from the middle; times the attitude, (m, 3, 3 k)
@@ -296,8 +296,8 @@ class Places(Windows):
 
         Both are on the axes of the reference's world and are averaged over each of the m windows.
         `f`, (m, k, 3), is the specific force of the k samples of a window, and `arm`, m,
-        (m or 1, 3, 1), the place of the sensor seen from the marker. Both are on the axes that the
-        attitude of the logs starts from.
+        (m or 1, 3, 1), the place of the sensor seen from the marker. Both are on the axes near the
+        body's from which the `attitude` of a ReferenceLog rotates.
         """
         place = self.ends[1] + (self.ends[0] @ arm[:, None])[..., 0]
         half = np.ptp(self.t, axis=1)[:, None] / 2
@@ -320,7 +320,9 @@ class Places(Windows):
         parameters, (p,).
         """
         attitude, place, white = self.noise(model)
-        # a second difference of places has the variance 6 of one place
+        # variance of the specific force on the axes of the world: gravity by a wrong attitude, and
+        # white noise; a second difference of places has six times the variance of one place, in
+        # which the arm is turned by a wrong attitude, too
         force = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
         place = 6 * (place + (x[self.shared[1:4]] ** 2).sum() * attitude) / HALF**4
         return force * (self.weights**2).sum(axis=1) + place
@@ -347,7 +349,7 @@ class SetUp:
         """Return a value for each of the n residuals, (n,), given values of the windows.
 
         `values` is a function that takes the Windows of a sensor and returns an array with a value
-        per window; its three residuals have the same value.
+        per window. The three residuals of a window all get this value.
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
@@ -434,9 +436,9 @@ def fit_set_up(windows, noise):
 def _estimate_variance(values, floor):
     """Return the variance of a component of the residuals of each of m windows, (m,).
 
-    It is the variance by the noise, `floor`, (m,), plus one that all windows have in common. The
-    latter follows from the median of the squared residuals `values`, (m, 3), as the median of χ²
-    with three degrees of freedom is 2.366. The variance of residuals above three standard
+    The result is the variance by the noise, `floor`, (m,), plus one that all windows share. The
+    common variance follows from the median of the squared residuals `values`, (m, 3), as the median
+    of χ² with three degrees of freedom is 2.366. The variance of residuals above three standard
     deviations is increased, as Huber's weights do, so that their influence is limited.
     """
     square = (values**2).sum(axis=1)

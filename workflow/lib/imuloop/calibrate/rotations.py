@@ -17,8 +17,8 @@ from imuloop.core.gaps import lost_samples
 from imuloop.core.segments import GAP
 from imuloop.core.tables import joined
 
-# share of a rotation at either end that is too slow to be told from a rest, and the part of it, s,
-# that the segmentation does not count as rest
+# share of a rotation at either end that is too slow to be told from a rest, and the part of this
+# end, s, that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
 # columns that `aliased_turns` computes
 ALIASING = ("aliased", "fall", "aliasing_covariance")
@@ -65,12 +65,11 @@ class Lost:
     """Numbers of the rotations and rests that are not used, and why."""
 
     rotations: int = 0  # all rotations that are short enough to be used
-    left_out: int = 0  # those with a gap that is too long, or whose error is unknown or too large
-    longest: int = 0  # largest number of samples dropped in a row in one of these
+    left_out: int = 0  # rotations with a gap too long, or an error that is unknown or too large
+    longest: int = 0  # largest number of samples dropped in a row in a rotation left out
     clipped: int = 0  # rotations whose angular rate is clipped
     railed: int = 0  # rests whose specific force is clipped
-    # rotations that contradict all others: session, start and end, s, and contradiction, rad, of
-    # each
+    # a tuple for each rotation that contradicts all others: session, start, end, s, and error, rad
     contradicting: tuple = ()
 
     @property
@@ -98,8 +97,8 @@ def gather_rotations(poses, logs, segments, longest_s):
     """Return the Rotations between consecutive poses of a session, and the Lost, those left out.
 
     A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
-    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
-    from a rest, and the angle of these parts is larger than the noise of the added time.
+    rotation also takes the nearest part of both poses: the rotation starts and ends too slowly to
+    be told from a rest, and the angle of these parts is larger than the noise of the added time.
 
     A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
     a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
@@ -126,7 +125,8 @@ def gather_rotations(poses, logs, segments, longest_s):
     empty |= {"force_clipped": none > 0, "time_covariance": np.zeros((0, PARTS, 3, 3))}
     tables = [empty | dict(zip(ALIASING, aliased_turns(*[()] * 6), strict=True))]
     candidates, lost_runs, clipped_turns = 0, [], 0
-    # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
+    # part of each pose that a slow rotation may take, s; none of a pose that tilts, because its
+    # fields `to_start` and `to_end` already have the rotation within it
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
         log, table = logs[session], segments[session]

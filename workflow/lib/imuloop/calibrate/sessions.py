@@ -78,7 +78,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     Returns
     -------
     Recording
-        It has no poses if no session has one.
+        The poses and rotations; there are none if no session has a pose.
     """
     chosen = usable_sessions(sessions, *GROUPS[kind])
     columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
@@ -117,7 +117,7 @@ def first_log(sessions):
 def raw_units(sessions):
     """Return the RawUnits of the accelerometer and of the gyroscope, a tuple.
 
-    They are the units of the first session in the order of `KINDS`, of the sessions by name.
+    Of the `sessions` by name, the first one in the order of `KINDS` gives the units.
     """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
@@ -127,10 +127,10 @@ def raw_units(sessions):
 
 
 def layout(sessions):
-    """Return the settings that were declared for a log, as its columns and units, a dict.
+    """Return what was declared for a log, such as its columns and units, a dict.
 
-    It is the log of the first session in the order of `KINDS`, of the sessions by name. If the log
-    holds an autopilot's numbers of its sensors, they have the key ``sensor_ids``.
+    Of the `sessions` by name, the log is that of the first one in the order of `KINDS`. If the log
+    has the numbers that an autopilot gives its sensors, they have the key ``sensor_ids``.
     """
     first = first_log(sessions)
     ids = first.get("sensor_ids")

@@ -15,7 +15,8 @@ from imuloop.core.gaps import lost_samples
 
 # number of bands of the spectrum between a quarter and half the sampling rate
 BANDS = 32
-# limits of the exponent p of the power law: steps, such as knocks, have 2; 8 adds next to nothing
+# limits of the exponent p of the power law: steps, such as knocks, have p = 2; with p = 8 the error
+# by undersampling is next to nothing
 FALLS = 2.0, 8.0
 # distance of p from the lower limit below which the spectrum does not fall
 FLAT = 0.01
@@ -23,7 +24,7 @@ FLAT = 0.01
 NEGLIGIBLE = 0.01
 # number of parts of a rotation, each with an error
 PARTS = 16
-# share of the variance of an error that has no direction
+# share of the variance of an error that is the same in all directions
 ANY_WAY = 0.5
 # variance by the number format of a log without noise, (rad/s)²
 EXACT = 1e-20
@@ -135,7 +136,7 @@ def sum_parts(matrices):
 def middle_steps(count):
     """Return the index of the time step in the middle of each part of m rotations, (m, PARTS).
 
-    It is counted from the start of the rotation. `count`, (m,), is the number of samples of each
-    rotation, which is cut into `PARTS` equal parts.
+    The index is counted from the start of the rotation. `count`, (m,), is the number of samples of
+    each rotation, which is cut into `PARTS` equal parts.
     """
     return (2 * np.arange(PARTS) + 1) * (count[:, None] - 2) // (2 * PARTS)

@@ -1,1 +1,1 @@
-"""What every stage shares: units, samples, segments, rotation, model, effect, noise model."""
+"""What every stage shares: errors, files, units, samples, segments, rotations, noise model."""

@@ -24,7 +24,7 @@ class RejectedLog(ImuloopError):
 
 
 def printable(text):
-    """Return `text`, which may come from a log, without control characters but line ends."""
+    """Return `text` with a question mark for each control character that is not a line end."""
     return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
 
 
@@ -39,7 +39,7 @@ def one_line(text):
 
 
 def plural(count, noun, ending="s"):
-    """Return a count with its noun, such as ``3 poses``; one has no ending."""
+    """Return a count with its noun, such as ``3 poses``; a count of one adds no `ending`."""
     return f"{count} {noun}{'' if count == 1 else ending}"
 
 
@@ -50,18 +50,18 @@ def joined(words):
 
 
 def did_you_mean(name, known, cutoff=0.6):
-    """Return the end of a message that names the nearest of the known names.
+    """Return the end of a message that names the one of the `known` names nearest to `name`.
 
-    It is empty if no name is near. The cutoff is the least similarity, 0 to 1, as `difflib` counts
-    it.
+    The result is empty if no known name has at least the similarity `cutoff`, 0 to 1, as `difflib`
+    computes it.
     """
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def nearest(name, known, cutoff=0.6):
-    """Return the end of a message that names the nearest of the known names, or all of them.
+    """Return the end of a message that names the `known` name nearest to `name`, or all of them.
 
-    A name is near from the similarity `cutoff` on, 0 to 1, as `difflib` counts it.
+    All are named if none has at least the similarity `cutoff`, 0 to 1, as `difflib` computes it.
     """
     return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Result files, which are written to a temporary file and renamed, so that none is incomplete."""
+"""Files: a result is written to a temporary file, which is renamed, so that none is incomplete."""
 
 import errno
 import json
@@ -18,10 +18,11 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @contextmanager
 def replaced(path):
-    """Yield a temporary path in the folder of `path`; its file replaces `path` at the end.
+    """Yield a temporary path in the folder of `path`; the file written there replaces `path`.
 
-    The file is removed if the block raises. The next writer overwrites a file that a killed process
-    left. Raises a MachineFault if the disk is full.
+    The file is replaced at the end of the ``with`` block. If the block raises, the temporary file
+    is removed. If the process is killed, the temporary file stays, and the next writer overwrites
+    it. Raises a MachineFault if the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,7 +56,7 @@ def refuse_overwriting(targets, sources):
 
 
 def _files_at(path):
-    """Return the files at a path, and in it if it is a folder, a dict by device and inode."""
+    """Return the file at a path, or all files in the folder at it: paths by (device, inode)."""
     files, folders, waiting = {}, set(), [Path(path)]
     for place in waiting:
         # a file that does not exist, or may not be accessed, cannot be an input
@@ -96,10 +97,11 @@ def write_json(path, content):
 
 
 def read_json(path, most=None):
-    """Return the content of a JSON file of at most `most` bytes.
+    """Return the content of a JSON file of at most `most` bytes, by default of any size.
 
-    Raises an ImuloopError if it is not a regular file, is larger, or is not valid: not in UTF-8,
-    nested too deep, with a repeated key or with NaN. Raises a FileNotFoundError if it is missing.
+    Raises an ImuloopError if the file is not a regular file, is larger, or is not valid: not in
+    UTF-8, nested too deep, with a repeated key or with NaN. Raises a FileNotFoundError if there is
+    no such file.
     """
     path = Path(path)
     size = path.stat().st_size
@@ -110,20 +112,20 @@ def read_json(path, most=None):
         raise ImuloopError(f"{path}: {size} bytes, more than the {most} of any such file")
     try:
         return json.loads(
-            path.read_text(encoding="utf-8"), object_pairs_hook=_object, parse_constant=_constant
+            path.read_text(encoding="utf-8"), object_pairs_hook=_object, parse_constant=_refuse
         )
     except (ValueError, RecursionError) as error:
         raise ImuloopError(f"{path}: no JSON: {error}") from error
 
 
 def read_yaml(path):
-    """Return the content of a YAML file that the package holds; in C where it is compiled in."""
+    """Return the content of a YAML file of the package; PyYAML's C parser is used if installed."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.load(Path(path).read_text(encoding="utf-8"), loader)
 
 
 def _object(pairs):
-    """Return a JSON object, a dict, of its pairs; raise a ValueError for a repeated key."""
+    """Return the dict of a JSON object from its (key, value) `pairs`; refuse a repeated key."""
     content = {}
     for name, value in pairs:
         if name in content:
@@ -132,6 +134,6 @@ def _object(pairs):
     return content
 
 
-def _constant(name):
-    """Raise a ValueError for NaN, Infinity or -Infinity, which are not valid in JSON."""
+def _refuse(name):
+    """Raise a ValueError for `name`, NaN, Infinity or -Infinity, which are not valid in JSON."""
     raise ValueError(f"{name} is no number")

@@ -23,7 +23,7 @@ LONG_GAP_STEPS = 9.5
 def gap_limit(usual, steps=GAP_STEPS):
     """Return the longest time step that is not a gap, in the unit of the usual step `usual`.
 
-    `steps` is the number of usual steps from which on a step is a gap.
+    `steps` is this limit in usual steps; a longer step is a gap.
     """
     return steps * usual
 
@@ -31,7 +31,7 @@ def gap_limit(usual, steps=GAP_STEPS):
 def lost_samples(steps, usual):
     """Return the number of samples that are missing in each time step, (n,) of int.
 
-    Takes the steps, (n,), and the usual step, s.
+    Takes the steps, (n,), and the usual step, both in s. The number is 0 in a step that is no gap.
     """
     is_gap = steps > gap_limit(usual)
     return np.where(is_gap, np.rint(steps / usual), 1).astype(int) - 1

@@ -29,7 +29,7 @@ class Coefficient:
 
     @property
     def square(self):
-        """Square of the value, 0 if it is not identifiable."""
+        """Square of the value; 0 if the term is not identifiable."""
         return 0.0 if self.value is None else self.value**2
 
     @property
@@ -155,8 +155,9 @@ class AxisNoise:
     def kernel(self, lags):
         r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
 
-        Terms that vanish in the covariance of increments of X are left out. For a lag d of times
-        within a span of the length L the processes give
+        Terms that vanish in the covariance of increments of X are left out. Let d be the lag
+        between the times of a pair, s the earlier and t the later one, and L the last time of all.
+        The processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
@@ -164,11 +165,10 @@ class AxisNoise:
           :math:`(B^2/\pi) \ln(L/|d|)`;
         - Gauss-Markov: :math:`-(q^2 T^3/2)(d/T - 1 + e^{-d/T})`;
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
-        - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
+        - walk from time 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`.
 
-        The ramp is deterministic and adds nothing. Takes five functions of the pairs of times, (m,
-        m) each: the lag d, d², ln(d/L) - 3/2, s², and t/2 - s/6, where s is the earlier and t the
-        later time of a pair.
+        The ramp is deterministic and adds nothing. `lags` has five functions of the pairs of times,
+        (m, m) each: d, d², ln(d/L) - 3/2, s², and t/2 - s/6.
         """
         d, d2, logarithm, early2, late = lags
         total = (
@@ -188,18 +188,18 @@ class AxisNoise:
     def mean_covariance(self, windows, shared=None):
         """Return the covariance of the mean output over windows of time, (n, n), SI squared.
 
-        Flicker and random walk have a level that is common to all windows of a power cycle, and
-        which a fitted bias absorbs. It is chosen small: the walk starts at the first window. Means
-        of different power cycles are independent. Coefficients that are not identifiable count as
-        0. The ramp is not random and adds nothing.
+        Flicker and random walk have a level that is common to all windows of a power cycle. A
+        fitted bias absorbs this level, so a small one is taken: the walk starts at the first
+        window. Means of different power cycles are independent. Coefficients that are not
+        identifiable count as 0. The ramp is not random and adds nothing.
 
         Parameters
         ----------
         windows : ndarray, shape (n, 2)
             Start and end of each window, s, in any order; windows may overlap.
         shared : list, optional
-            The result of `edges(windows)`, values that are the same for all axes, if they are
-            computed once for several axes or if the windows lie in several power cycles.
+            The result of `edges(windows, power_cycle)`, which is the same for all axes; by default
+            it is computed here, for windows of one power cycle.
         """
         covariance = np.zeros((len(windows),) * 2)
         for index, start, end, functions_of_lags in edges(windows) if shared is None else shared:
@@ -234,7 +234,7 @@ def edges(windows, power_cycle=None):
 def lags(t):
     """Return five functions of the pairs of m times, s, (m, m) each, for the covariance of noise.
 
-    They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, and s is the
+    The five are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, s is the
     earlier and t the later time of a pair. Takes increasing times from 0, s, (m,).
     """
     d = np.abs(t[:, None] - t)
@@ -251,7 +251,7 @@ class NoiseModel:
     device: str  # name
     axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz
 
-    def known(self, axis, term):
+    def value_and_std(self, axis, term):
         """Return value and standard deviation of the flicker, 'B', or random walk, 'K', of an axis.
 
         Both are in SI. If the term is not identifiable, the value is zero, and the standard
@@ -277,10 +277,10 @@ class NoiseModel:
     def mean_covariance(self, windows, power_cycle=None):
         """Return the covariance of the mean output of each axis over windows of time, (6, n, n).
 
-        It is in (m/s^2)^2 for ax, ay, az and in (rad/s)^2 for gx, gy, gz, and zero for an axis
-        without any coefficient. Takes start and end of each window, s, (n, 2), and its power cycle,
-        (n,); by default all windows lie in one. Raises a ValueError if a window does not end after
-        its start.
+        The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. The result is zero for an
+        axis without any coefficient. Takes start and end of each window, s, (n, 2), and its power
+        cycle, (n,); by default all windows lie in one. Raises a ValueError if a window does not end
+        after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
@@ -293,7 +293,7 @@ class NoiseModel:
         return covariance
 
     def to_dict(self):
-        """Return the part of the content of noise.json that the model holds, a dict."""
+        """Return the entries of noise.json that hold the model, a dict."""
         return {
             "format": FORMAT,
             "device": self.device,
@@ -315,9 +315,9 @@ class NoiseModel:
 def without_weight(covariance):
     """Return which of k covariances, (k, n, n), cannot be inverted, and why: two masks, (k,).
 
-    The first marks covariances with a variance of zero. The second marks the others in which some
-    sum of the n values has no variance. Sinusoids without other noise are such a case: each adds
-    two independent directions at most, its cosine and its sine.
+    The first mask marks covariances with a variance of zero. The second marks, among the others,
+    those in which some weighted sum of the n values has no variance. Sinusoids without other noise
+    are such a case: the covariance of one sinusoid has rank two at most, by its cosine and sine.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions, scalar first, that take body axes to the axes at the start.
+"""Rotations as unit quaternions, scalar first, from body axes to those at the start of a motion.
 
 Each step of a fit uses these functions on large arrays, for which scipy's `Rotation` is 2 to 100
 times slower.
@@ -14,7 +14,7 @@ def multiply(p, q):
 
 
 def _pairs(q):
-    """Return the quaternions ``a + b j`` as complex a = w + x i and b = y + z i, (..., 2)."""
+    """Return quaternions w + x i + y j + z k, (..., 4), as pairs (w + x i, y + z i), (..., 2)."""
     return np.ascontiguousarray(q, dtype=float).view(complex)
 
 
@@ -38,6 +38,7 @@ def exponential(vectors):
 
 def matrix(q):
     """Return the rotation matrices, (..., 3, 3), of unit quaternions, (..., 4)."""
+    # times √2, so that each product below has the factor 2 of the formula of a rotation matrix
     w, x, y, z = np.sqrt(2) * np.moveaxis(np.asarray(q), -1, 0)
     rows = np.empty((3, 3, *np.shape(w)))
     rows[0, 0], rows[0, 1], rows[0, 2] = 1 - y * y - z * z, x * y - w * z, x * z + w * y
@@ -49,7 +50,7 @@ def matrix(q):
 def step_vectors(rates, steps, uneven=None):
     """Return the rotation vector φ of each time step, rad, (..., n - 1, 3).
 
-    It rotates from the body axes at the end of the step to those at its start.
+    φ rotates from the body axes at the end of the step to the body axes at its start.
 
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
@@ -85,7 +86,7 @@ def step_vectors(rates, steps, uneven=None):
 def mean_rates(rates, steps, uneven=None):
     """Return the mean angular rate over each time step, rad/s, (..., n - 1, 3).
 
-    It is the mean of the cubic through the two samples of the step and one neighbour on either
+    This is the mean of the cubic through the two samples of the step and one neighbour on either
     side. The samples are taken as evenly spaced, except around a step in which samples are missing:
     there the cubic goes through the samples at their times. In the first and the last step, which
     lie in a rest, the rate is taken as linear.
@@ -153,7 +154,7 @@ def _prefixes(q):
 def shortest_turn(before, after):
     """Return the shortest rotation vector, rad, (3,), that turns direction `after` to `before`.
 
-    The device then has the direction `after` of its body where the direction `before` was. Takes
-    vectors of any length, (3,).
+    If a device makes this rotation, its body axis `after` ends where its body axis `before` was at
+    the start. Takes vectors of any length, (3,), on body axes.
     """
     return Rotation.align_vectors(before, after)[0].as_rotvec()

@@ -56,10 +56,10 @@ def other_sensor(sensor):
 
 
 def at_rail(samples, rails, names):
-    """Return whether each sample is at the end of the range in one of some channels, (n,) of bool.
+    """Return whether each sample is at an end of the range in any of some channels, (n,) of bool.
 
-    `rails` are the ends of the ranges, {channel: (low, high)}; None for an end that is not reached.
-    `names` are the channels.
+    `names` are the names of these channels. `rails` are the ends of the ranges, {channel: (low,
+    high)}; an end is None if no sample reaches it.
     """
     clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
@@ -74,7 +74,8 @@ def at_rail(samples, rails, names):
 def filled(t, values):
     """Return values, (n,), of a channel at times t, (n,), with missing ones interpolated.
 
-    The interpolation is linear, and constant before the first value and after the last.
+    The interpolation is linear, and constant before the first value and after the last. If all
+    values are missing, they stay so. A missing value is not-a-number.
     """
     valid = np.isfinite(values)
     if valid.all() or not valid.any():
@@ -108,9 +109,11 @@ def calibrated_attrs(device):
 def refuse_calibrated(names, metadata):
     """Raise a RejectedLog for a table that its columns or metadata mark as calibrated.
 
-    `names` are the names of its columns, and `metadata` the project's own, a dict.
+    `names` are the names of its columns. `metadata` is the dict that imuloop stored in the file; it
+    is empty for other files.
     """
     if CALIBRATED in names or metadata.get("calibrated"):
+        # the start of the name is enough: the file may be anyone's, and the name of any length
         device = str(metadata.get("device", ""))[:80]
         by = device and f", by a calibration of {device}"
         raise RejectedLog(
@@ -119,7 +122,7 @@ def refuse_calibrated(names, metadata):
 
 
 def parquet_file(path):
-    """Return an open Parquet file; raises an ImuloopError that names an incomplete file."""
+    """Return a Parquet file, opened; raise an ImuloopError with its path if it is incomplete."""
     try:
         return pq.ParquetFile(path)
     except pa.ArrowInvalid as error:
@@ -152,6 +155,7 @@ class Samples:
     """
 
     def __init__(self, source):
+        # columns that were read from a file are shared by all Samples made from these
         self._table = source._table if isinstance(source, Samples) else source
         self._columns = source._columns if isinstance(source, Samples) else {}
         if isinstance(self._table, (str, Path)):
@@ -191,7 +195,7 @@ class Samples:
 
 
 def holds(source, sensor):
-    """Return whether samples have values of a sensor; true without any sample.
+    """Return whether samples have values of a sensor; true if there are no samples.
 
     Ingest writes zeros for a sensor that the log lacks.
     """
@@ -202,7 +206,7 @@ def holds(source, sensor):
 def on_own_clock(source, sensor):
     """Return the Samples of a sensor at its own time stamps, without repetitions.
 
-    If the sensors have one clock, they are all Samples of the source.
+    If both sensors have one clock, the result has all rows and columns of the source.
     """
     samples, stamps = Samples(source), OWN_TIME[sensor]
     if stamps not in samples:
@@ -220,8 +224,8 @@ def own_rows(stamps):
 def on_gyroscope_clock(columns):
     """Return columns of samples, a dict of arrays, at the time stamps of the gyroscope.
 
-    The specific force of a slower accelerometer is interpolated linearly. The specific force of a
-    faster one is averaged over the samples nearest to each sample of the gyroscope.
+    If the accelerometer is slower, its specific force is interpolated linearly. If it is faster,
+    its specific force is averaged over the samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     # only the slower sensor has a column for its time stamps
@@ -245,7 +249,8 @@ def sums_over(values, ranges):
     No range may be empty, and only the last may end with the last row.
     """
     edges = ranges.ravel()
-    # reduceat sums from each edge to the next, and from the last edge to the last row
+    # reduceat sums from each edge to the next, and from the last edge to the last row; every other
+    # sum is that of a range
     edges = edges[: np.searchsorted(edges, len(values))]
     return np.add.reduceat(values, edges, axis=0)[::2]
 
@@ -259,7 +264,7 @@ def read_metadata(path):
 def own_metadata(entries):
     """Return the project's metadata, a dict, of the metadata entries of a Parquet file.
 
-    A file that pandas wrote holds them in the `attrs` of the table.
+    If pandas wrote the file, the metadata are in the `attrs` of the table.
     """
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
     # another program may write anything under this key

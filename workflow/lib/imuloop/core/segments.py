@@ -4,9 +4,8 @@ They are the rows of a pandas DataFrame, in order of time, with the columns `sta
 (half-open, on the clock of the samples), `kind`, `pose` (number of the pose; -1 without one), `n`
 (number of samples), and the mean and standard deviation of every channel, SI, without missing
 values. A gap has no samples, or samples in which a channel is stuck. In a session of attitudes, a
-rest with a clipped specific force is disturbed. `tilt_rad` of a rest is the root mean square of the
-tilt that both sensors show in it; of a rest in the hand, it includes the rotation about the
-vertical.
+rest with a clipped specific force is disturbed. `tilt_rad` is the root mean square of the tilt that
+both sensors show in a rest; for a rest in the hand it includes the rotation about the vertical.
 """
 
 import numpy as np
@@ -27,7 +26,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     """Return the table of segments, a DataFrame, with the statistics of every channel.
 
     Takes the samples, and for each segment its start and end, s, half-open, its kind, and the
-    number of its pose, -1 without one. Its tilt is zero.
+    number of its pose, -1 without one. `tilt_rad` is set to zero.
     """
     rows, start_s, end_s = Samples(samples), np.asarray(start_s, float), np.asarray(end_s, float)
     ranges = np.searchsorted(rows[TIME], np.column_stack([start_s, end_s]))
@@ -52,9 +51,9 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 def power_cycles(segments):
     """Return the number of the power cycle of each segment, (n,), from 0.
 
-    A gap that is longer than all other segments together ends a power cycle: the device was off, or
-    its clock was set. The true duration of such a gap is not known, so noise is independent before
-    and after it. Takes a table of segments.
+    A gap that is longer than all segments of other kinds together ends a power cycle: the device
+    was off, or the clock was set. The true duration of such a gap is not known, so noise is
+    independent before and after it. Takes a table of segments.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
     is_gap, duration = np.asarray(segments["kind"]) == GAP, end - start

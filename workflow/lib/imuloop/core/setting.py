@@ -1,6 +1,6 @@
 """A setting of a stage: its default, its meaning with the unit, and its limits in one place.
 
-The check of a config reads them with pydantic; a stage, which has no use for it, does not load it.
+The check of a config reads these fields with pydantic; a stage does not load pydantic.
 """
 
 from dataclasses import field
@@ -11,6 +11,6 @@ def setting(default, description, **limits):
 
     Limits are ``gt``, ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
     """
-    # text such as 1e-3 is not taken for a number
+    # without `strict`, pydantic would take a text such as 1e-3 for a number
     exact = {"strict": True} if isinstance(default, (int, float)) else {}
     return field(default=default, metadata={"description": description, **exact, **limits})

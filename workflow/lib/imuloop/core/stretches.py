@@ -52,9 +52,9 @@ def without(ranges, cuts):
 
 
 def divided(first, last, count):
-    """Return the `count` parts of nearly equal length, at least one, of a range, (k, 2).
+    """Return a range cut into `count` parts of nearly equal length, (count, 2).
 
-    The range goes from `first` to before `last`.
+    The range goes from `first` to before `last`. A count below one counts as one.
     """
     edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])

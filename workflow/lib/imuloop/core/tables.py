@@ -41,7 +41,7 @@ def write_table(path, columns, metadata=None):
 def write_sessions(path, tables):
     """Write a dict of tables by session as one Parquet file.
 
-    Its first column, ``session``, has the name of the session in each row.
+    The first column of the file, ``session``, has the name of the session in each row.
     """
     lengths = [len(next(iter(table.values()))) for table in tables.values()]
     names = {"session": np.repeat(np.array([*tables], object), lengths)}

@@ -73,9 +73,8 @@ def raw_unit(quantity, name, nominal=None):
     """Return the RawUnit of a quantity, "acceleration" or "angular_rate", by the name of the unit.
 
     Counts need `nominal`, a dict with their ``scale`` (SI per count) and ``offset`` (counts).
-    Increments, such as deg, have the
-    SI unit of their rate, rad/s, to which ingest converts them. Raises an ImuloopError for
-    an unknown unit.
+    Ingest converts increments, such as deg, to their rate, so they have its SI unit, rad/s. Raises
+    an ImuloopError for an unknown unit.
     """
     if name == "count":
         if "scale" not in (nominal or {}):

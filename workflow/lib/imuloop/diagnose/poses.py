@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.calibrate import NO_DIRECTION, contradictions
-from imuloop.calibrate.contradictions import change
+from imuloop.calibrate.contradictions import why_changed
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
@@ -192,7 +192,7 @@ def rejections(result):
         # a step that is in the model leaves no large residuals
         residuals = result.contents[sensor]["residuals"].values()
         if any(not r["after"] <= FAR * r["floor"] for r in residuals):
-            if why := change(sensor, recording):
+            if why := why_changed(sensor, recording):
                 rejected[sensor] = why
     if "accelerometer" in rejected and "gyroscope" in result.calibrations:
         rejected["gyroscope"] = NO_DIRECTION

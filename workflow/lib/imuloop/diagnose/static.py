@@ -280,7 +280,7 @@ def static_content(sensor, finding, noise, noise_change):
         if sensor in cls.sensors and name not in names
     ]
     # alternatives of the noise: as estimated, and with the largest flicker and random walk
-    sizes = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
+    sizes = {(axis, term): noise.value_and_std(axis, term) for axis in axes for term in "BK"}
     largest = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
     # by record, axis and alternative
     covariances = [

@@ -67,7 +67,7 @@ class GyroAxisDelay(TimeOffset):
     def design(self, channels, values=(0.0, 0.0)):
         """Return D with ``e = D p`` for both delays p, SI/s, (n, 3, 2).
 
-        It is minus the mean rate of change of the axis over its delay. `values` has the delays of x
+        D is minus the mean rate of change of an axis over its delay. `values` has the delays of x
         and y, s.
         """
         design = np.zeros((len(channels.t), 3, 2))

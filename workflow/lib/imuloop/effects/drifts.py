@@ -12,12 +12,12 @@ from imuloop.model.effect import Effect
 SETTLING = (30.0, 100.0, 350.0, 1200.0)
 # least length of a record in time constants: in a shorter one an exponential is nearly linear
 SETTLINGS = 2
-# fewest points within twice the time constant: with fewer, a single outlier could imitate it
+# fewest points within twice the time constant: with fewer, a single outlier could imitate a warm-up
 POINTS = 3
 
 
 def settling(channels, tau):
-    """Return ``exp(-t/τ)`` at the n samples of a log, (n,)."""
+    """Return ``exp(-t/τ)`` at the n samples of a log, (n,); t is their time, s, and τ is `tau`."""
     return np.exp(-channels.t / tau)
 
 
@@ -53,7 +53,7 @@ class WarmUp(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to A, ``exp(-t/τ)`` on each axis, (n, 3, 3).
 
-        It is the mean over the samples of a pose at each of n poses.
+        At a pose it is the mean over the samples of the pose.
         """
         return on_each_axis(channels.evaluate(settling, self.tau))
 
@@ -62,8 +62,8 @@ class BiasDrift(Effect):
     """``e_i = d_i t``: the bias drifts linearly from the start of each log.
 
     Leaves: an error of pose means that grows with time in every attitude. Imitated by:
-    `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random walk
-    in the noise, which is part of the floor. In a static record the same term is called `ramp`.
+    `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random walk,
+    which the floor, the error by noise alone, includes. In a static record it is called `ramp`.
     """
 
     name = "bias_drift"

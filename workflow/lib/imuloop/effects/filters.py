@@ -50,15 +50,16 @@ def play(values, half_width):
     """Return the play operator p of values x, (n,): a hysteresis.
 
     p is a point that is dragged by two walls at a distance of w, `half_width`, on either side of x:
-    from one sample to the next, ``p₁ = min(max(p₀, x - w), x + w)``. It starts at the first value.
+    from one sample to the next, ``p₁ = min(max(p₀, x - w), x + w)``. p starts at the first value.
 
     References
     ----------
     M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
     """
     low, high = values - half_width, values + half_width
-    # two clamps in a row are one clamp: the clamps up to each sample are computed in √n stretches
-    # at once, and then applied to the point at the start of each stretch
+    # two clamps in a row are one clamp. The values are cut into about √n stretches. From the start
+    # of a stretch to each of its samples all clamps are one, to `lower` … `upper`; this is computed
+    # for all stretches at once, and then applied to the point at the start of each stretch
     count = max(int(np.sqrt(len(values))), 1)
     padding = -len(values) % count
     low, high = (np.pad(x, (0, padding)).reshape(-1, count).T for x in (low, high))
@@ -95,9 +96,9 @@ def fast_part(t, values, period):
 def slope(t, values):
     """Return the rate of change of values, (n, m), at the times t, s, (n,), per second, (n, m).
 
-    It is the derivative of the parabola through each value and its neighbours. Its gain for a sine
-    of frequency f is ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling rate. It is zero for a
-    single sample.
+    The rate is the derivative of the parabola through each value and its neighbours. Its gain for a
+    sine of frequency f is ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling rate. The rate is
+    zero for a single sample.
     """
     return np.gradient(values, t, axis=0) if len(t) > 1 else np.zeros_like(values)
 
@@ -106,10 +107,10 @@ def secant(t, values, seconds):
     """Return the mean rate of change of values between each time t and t + `seconds`, (n, m).
 
     The values at t + `seconds` are interpolated by the cubic that has the `slope` at both samples
-    (Catmull and Rom). Its error midway is 0.02 % for a sine of a twentieth of the sampling rate,
-    and 0.4 % for a tenth. The result is the `slope` at t if `seconds` is zero, or if t + `seconds`
-    lies in a gap or outside the log. Takes increasing times, s, (n,), values, (n, m), and a time
-    shift, s, which may be negative.
+    (Catmull and Rom). The interpolated value midway between two samples is wrong by 0.02 % for a
+    sine of a twentieth of the sampling rate, and by 0.4 % for a tenth. The result is the `slope` at
+    t if `seconds` is zero, or if t + `seconds` lies in a gap or outside the log. Takes increasing
+    times, s, (n,), values, (n, m), and a time shift, s, which may be negative.
     """
     change = slope(t, values)
     if len(t) < 2 or abs(seconds) < _INSTANT:

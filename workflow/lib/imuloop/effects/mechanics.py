@@ -58,16 +58,17 @@ WINDOW = 1.0
 def vibration(channels):
     """Return the mean square of the vibration of each axis at the n samples of a log, SI², (n, 3).
 
-    It is the smaller one of the mean squares over the `WINDOW` before and the `WINDOW` after each
-    sample. At either end of a pose one of them lies in the pose, so that the shaking of the turn
-    next to it does not count.
+    The result is the smaller one of the mean squares over the `WINDOW` before and the `WINDOW`
+    after each sample. At either end of a pose one of these windows lies in the pose, so that the
+    shaking of the turn next to the pose does not count.
     """
+    # the mean squares replace the output, axis by axis
     t, square = channels.t, np.array(channels.output)
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # one axis at a time, to save memory
     for axis in range(3):
         before = moving_mean(t, fast_part(t, square[:, [axis]], PERIOD) ** 2, WINDOW)[:, 0]
-        # the mean square after a sample is that before the last sample of the window after it
+        # the mean square after a sample is the one before the last sample of the window after it;
         # rounding of large sums may make small mean squares negative
         square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
     return square
@@ -76,8 +77,9 @@ def vibration(channels):
 class VibrationRectification(Effect):
     """``e_i = v_i σ_i²``: vibration of mean square σ_i² on the same axis shifts its bias.
 
-    v is K2 if a quadratic nonlinearity is fast enough. Slow changes, as in a turn, are the
-    `quadratic` effect. σ² includes the noise of the sensor, whose constant part is a bias.
+    A quadratic nonlinearity K2 that follows the vibration gives v = K2; its response to slow
+    changes, as in a turn, is the `quadratic` effect. σ² includes the noise of the sensor, whose
+    constant part is a bias.
     Leaves: means that depend on the variance within the pose, or steps of bias in a static record
     while a motor runs. Imitated by: a support that tilts while it vibrates.
     """

@@ -25,7 +25,10 @@ class GSensitivity(Effect):
     reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
 
     def design(self, channels):
-        """Return the derivative of e with respect to G, row by row, m/s^2, (n, 3, 9)."""
+        """Return the derivative of e with respect to the rows of G, one after another, (n, 3, 9).
+
+        With respect to row i it is the specific force f, m/s^2, on axis i, and zero on the others.
+        """
         return row_by_row(channels.other)
 
 
@@ -44,7 +47,11 @@ class G2Sensitivity(Effect):
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
 
     def design(self, channels):
-        """Return the derivative of e with respect to D, products of specific force, (n, 3, 15)."""
+        """Return the derivative of e with respect to D, (m/s^2)², (n, 3, 15).
+
+        With respect to the five parameters of axis i it is the five products of specific force on
+        axis i, and zero on the other axes.
+        """
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
 
@@ -69,7 +76,7 @@ class EarthRate(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to w_up, the direction u, (n, 3, 1).
 
-        It is zero in free fall.
+        The derivative is zero in free fall.
         """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
@@ -91,7 +98,10 @@ class RateSensitivity(Effect):
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
-        """Return the derivative of e with respect to M, row by row, rad/s, (n, 3, 9)."""
+        """Return the derivative of e with respect to the rows of M, one after another, (n, 3, 9).
+
+        With respect to row i it is the angular rate w, rad/s, on axis i, and zero on the others.
+        """
         return row_by_row(channels.other)
 
 

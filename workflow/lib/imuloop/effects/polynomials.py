@@ -69,10 +69,10 @@ class CrossCoupling(Effect):
 
     Next to K2 there are 15 products of two outputs. The norm of gravity at rest shows 7 of them:
     y_i y_j on axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any
-    axis. A `quadratic` u_i³ is a bias less u_j² u_i and u_k² u_i, a special case. Which product it
-    is, the norm does not tell: along gravity the correction is right, across it off by up to the
-    residual. Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`,
-    `asymmetry`.
+    axis. A `quadratic` is a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The
+    norm does not tell which product causes a pattern: the correction is right along gravity, and
+    wrong across gravity by up to the residual. Leaves: patterns of degree 3 in the direction u.
+    Imitated by: `quadratic`, `asymmetry`.
     """
 
     name = "cross_coupling"
@@ -131,7 +131,7 @@ class ScaleAsymmetry(Effect):
 
 
 class Anisoinertia(Effect):
-    """``e_i = a_i w_j w_k``: rates about both other axes at once appear as one about this.
+    """``e_i = a_i w_j w_k``: rates about both other axes at once appear as a rate about axis i.
 
     Leaves: errors of rotations about axes between the axes of the sensor; nothing at rest.
     """

@@ -46,13 +46,14 @@ class Product(Effect):
     bounds = {"reference_temperature": CELSIUS}
 
     def __post_init__(self):
-        """Refuse a formula that is not a product; set the attributes that depend on its factors."""
+        """Set the attributes that depend on the factors; raise a ValueError for a wrong field."""
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
         # at rest the angular rate is zero: only motion shows its products to an accelerometer
-        turns = self.sensor == "accelerometer" and "w" in self.formula
+        needs_motion = self.sensor == "accelerometer" and "w" in self.formula
         object.__setattr__(self, "sensors", (self.sensor,))
-        object.__setattr__(self, "records", ("motion",) if turns else ("poses",))
+        object.__setattr__(self, "records", ("motion",) if needs_motion else ("poses",))
+        # the property `factors` raises a ValueError if the formula is not a product
         object.__setattr__(self, "needs", ("temperature",) if "θ" in self.factors else ())
 
     @cached_property
@@ -61,6 +62,7 @@ class Product(Effect):
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
+        # a factor without a power has the power one
         factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
         if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
@@ -68,7 +70,10 @@ class Product(Effect):
 
     @cached_property
     def parameters(self):
-        """Unit of the one parameter, the coefficient c, by its name, a dict."""
+        """Unit of the one parameter, the coefficient c, by its name, a dict.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
         units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
         return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
@@ -95,14 +100,14 @@ def products(sensor, letters, reference_temperature=None):
     angular rate, the sensor's own first. The temperature is a factor if a reference, degC, is
     given. Products that are part of bias, scale factor or misalignment are left out.
     """
-    outputs = [f"{letter}_{axis}" for letter in letters for axis in AXES]
-    warm, formulas = reference_temperature is not None, []
+    outputs, formulas = [f"{letter}_{axis}" for letter in letters for axis in AXES], []
     for degree in range(1, DEGREE + 1):
         combinations = combinations_with_replacement(outputs, degree)
         # the sensor's own outputs of degree one are scale factor and misalignment
         in_base = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
         formulas += [factors for factors in combinations if factors[0] not in in_base]
-        if warm and degree > 1:
+        # the temperature alone is an effect with a known cause, `bias_temperature`
+        if reference_temperature is not None and degree > 1:
             combinations = combinations_with_replacement(outputs, degree - 1)
             formulas += [("θ", *factors) for factors in combinations]
     effects = []

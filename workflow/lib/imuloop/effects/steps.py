@@ -8,7 +8,7 @@ from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.model.effect import Effect
 
 
-def before(channels, time):
+def is_before(channels, time):
     """Return 1 for each sample of a log before a time, s, and 0 for the others, (n,)."""
     return (channels.t < time).astype(float)
 
@@ -43,7 +43,10 @@ class Steps(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of the first step, then of the next."""
+        """Units of the parameters by name: all axes of the first step, then of the next.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
     @classmethod
@@ -54,14 +57,14 @@ class Steps(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to h, at n poses or samples, (n, 3, 3 k).
 
-        It is ``H(t - t_k) - 1`` on each axis: minus the share of a pose before the step k.
+        On each axis it is ``H(t - t_k) - 1``; at a pose, minus the share of the pose before step k.
         """
-        return on_each_axis(*(-channels.evaluate(before, t) for t in self.times))
+        return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the derivative of means over n windows with respect to h, (n, 3, 3 k).
+        """Return the derivative of the mean output over n windows with respect to h, (n, 3, 3 k).
 
-        It is the share of each window after the step k, on each axis; zero for a step of another
+        On each axis it is the share of each window after step k, or zero for a step of another
         session. Takes the name of the session, and start and end of its windows, s, (n, 2).
         """
         steps = zip(self.times, self.sessions, self.spans, strict=True)
@@ -73,8 +76,9 @@ class Steps(Effect):
 def share_after(windows, t, span=0.0):
     """Return the share of each window after a time t, (n,), or after k times, (n, k).
 
-    If a time is known only within a span of this length, s, the share is its mean over the span,
-    for windows that lie in the span or outside it. Takes start and end of the windows, s, (n, 2).
+    If a time is known only within a `span` of this length, s, the share is the mean over all times
+    in the span; this holds for windows that lie in the span or outside it. `windows` has start and
+    end of the windows, s, (n, 2), and `t` is the time or the times, s.
     """
     start, end = windows.T
     # a sample is a window of length zero
@@ -84,6 +88,6 @@ def share_after(windows, t, span=0.0):
 
 def joined(steps):
     """Return one Steps that has all steps of several Steps, in order of session and time."""
-    jumps = (jump for one in steps for jump in zip(one.sessions, one.times, one.spans, strict=True))
+    jumps = (jump for s in steps for jump in zip(s.sessions, s.times, s.spans, strict=True))
     sessions, times, spans = zip(*sorted(jumps), strict=True)
     return Steps(times=times, sessions=sessions, spans=spans)

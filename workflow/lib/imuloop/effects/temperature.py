@@ -50,18 +50,20 @@ THERMOMETER_LAGS = (10.0, 14.0, 20.0, 28.0, 40.0, 57.0, 80.0, 113.0, 160.0, 226.
 # amount by which a lag has to lower the logarithm of the p-value, as it is one more constant: it
 # does so by chance in one of some 70 logs
 PRICE_OF_A_LAG = 3.0
-# ratio of the smoothing time to the lag of a thermometer: the noise grows by its inverse
+# ratio of a smoothing time to the lag of a thermometer: undoing the lag multiplies the noise by the
+# inverse of this ratio
 SMOOTHED = 0.1
 # least length of a record in lags: in a shorter one the lagged temperature is too similar to θ
 RELAXATIONS = 3
 
 
-def ahead(channels, lag):
+def undo_lag(channels, lag):
     """Return the temperature before the first-order lag of a thermometer, degC, (n,).
 
-    It is ``θ_s = θ_l + (θ - θ_l)/a``, where θ is the reading, a is `SMOOTHED`, and θ_l is the
-    reading after a first-order lag of a times `lag`. For changes slower than this lag it is the
-    inverse of the thermometer's lag, ``θ + lag dθ/dt``. The lag is in s.
+    The thermometer's lag is `lag`, s, and its reading θ. The result is
+    ``θ_s = θ_l + (θ - θ_l)/a``, where a is `SMOOTHED`, and θ_l is the reading after one more
+    first-order lag, of the time a · lag. For changes slower than a · lag the result is
+    ``θ + lag dθ/dt``, the inverse of the thermometer's lag.
     """
     warm = temperature(channels)
     smooth = first_order_lag(channels.t, warm, SMOOTHED * lag)
@@ -69,8 +71,8 @@ def ahead(channels, lag):
 
 
 # least span of the temperature for each order, K: over a smaller span a quadratic polynomial is
-# nearly linear. Its distance from the chord, c2 span²/8, is 1 % of c1 span for c2/c1 = 1/50 per K,
-# the median of twelve axes in two recordings
+# nearly linear. The distance of a parabola from its chord, c2 span²/8, is 1 % of c1 span for
+# c2/c1 = 1/50 per K, the median of twelve axes in two recordings
 SPAN_OF_AN_ORDER = 5.0
 
 
@@ -79,8 +81,8 @@ class BiasTemperature(Effect):
     """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
 
     The order is at most 3, as in thermal calibration of MEMS sensors. θ0 is the reference, degC. θ
-    is the reading of the thermometer; if that has a first-order `lag`, s, it is the temperature
-    before the lag.
+    is the reading of the thermometer; if the thermometer has a first-order `lag`, s, θ is the
+    temperature before this lag.
     Leaves: a bias that follows θ(t), whether it rises or falls, on every axis and at every load.
     Imitated by: a drift and a warm-up, if θ only rises or only falls (they are tested after the
     temperature), and a hysteresis if θ turns (it differs between rise and fall).
@@ -98,7 +100,7 @@ class BiasTemperature(Effect):
 
     @property
     def timed(self):
-        """Whether the thermometer lags, so that earlier samples matter."""
+        """Whether the thermometer has a lag, so that the effect depends on earlier samples."""
         return self.lag > 0
 
     @property
@@ -108,7 +110,10 @@ class BiasTemperature(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of order 1, then of the next."""
+        """Units of the parameters by name: all axes of order 1, then of the next.
+
+        ``output`` stands for the SI unit of the sensor.
+        """
         powers = {f"c{k}": f"output per K^{k}" for k in range(2, self.order + 1)}
         return per_axis({"c1": "output per K"} | powers)
 
@@ -130,7 +135,7 @@ class BiasTemperature(Effect):
 
     def design(self, channels):
         """Return the derivative of e with respect to c, powers of θ - θ0, (n, 3, 3 order)."""
-        warm = channels.evaluate_memory(ahead, self.lag) if self.lag else temperature(channels)
+        warm = channels.evaluate_memory(undo_lag, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
@@ -229,7 +234,7 @@ class BiasTemperatureRate(Effect):
 SHARES = (0.05, 0.15, 0.4)
 
 
-def branch(channels, half_width):
+def hysteresis_state(channels, half_width):
     """Return ``(θ - play θ)/w`` at the n samples, (n,): 1 in long heating, -1 in long cooling.
 
     θ is the temperature in the Channels of a whole log. play θ is a point that two walls at the
@@ -270,4 +275,4 @@ class ThermalHysteresis(Effect):
 
     def design(self, channels):
         """Return the derivative of e with respect to h, ``(θ - play θ)/w``, (n, 3, 3)."""
-        return on_each_axis(channels.evaluate_memory(branch, self.half_width))
+        return on_each_axis(channels.evaluate_memory(hysteresis_state, self.half_width))

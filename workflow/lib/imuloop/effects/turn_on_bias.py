@@ -10,8 +10,8 @@ from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.model.effect import Effect
 
 # standard deviation of the bias of a MEMS sensor between power cycles, m/s^2 and rad/s: 20 mg and
-# 0.5 deg/s. It is the bias repeatability of the data sheets that state one (ADIS16448, ADIS16460),
-# and the initial offset of current phone-grade parts (ICM-42688-P, BMI270)
+# 0.5 deg/s. This is the bias repeatability in the data sheets that state one (ADIS16448,
+# ADIS16460), and the initial offset of current phone-grade parts (ICM-42688-P, BMI270)
 TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
@@ -19,10 +19,11 @@ TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 class TurnOnBias(Effect):
     """``e_i = s_ki in power cycle k, Σ_k s_ki = 0``: each power cycle has its own bias.
 
-    A power cycle is a session, or the part of it after a gap longer than all its recorded time. The
-    bias of the calibration is the mean over the power cycles. In a log of another power cycle the
-    effect is zero. Leaves: levels of the pose means that change between power cycles only. Imitated
-    by: other differences between the power cycles, above all of the temperature.
+    A power cycle is a session, or the part of a session after a gap that is longer than all
+    recorded time of the session. The bias of the calibration is the mean over the power cycles. In
+    a log of another power cycle the effect is zero.
+    Leaves: levels of the pose means that change between power cycles only. Imitated by: other
+    differences between the power cycles, above all of the temperature.
     """
 
     runs: int = 2  # number of power cycles, with its name in calibration.json
@@ -34,7 +35,11 @@ class TurnOnBias(Effect):
 
     @property
     def parameters(self):
-        """Units by name: all axes of the second power cycle, …; the first is minus their sum."""
+        """Units of the parameters by name: all axes of the second power cycle, then of the next.
+
+        The bias of the first power cycle is minus their sum. ``output`` stands for the SI unit of
+        the sensor.
+        """
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
@@ -45,8 +50,8 @@ class TurnOnBias(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to s, (n, 3, 3 (runs - 1)).
 
-        It is 1 for points in the power cycle of the parameter, -1 for points in the first, and zero
-        everywhere if the power cycle is not known.
+        The derivative is 1 at points in the power cycle of the parameter, -1 at points in the
+        first power cycle, and zero everywhere if the power cycle is not known.
         """
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
@@ -56,8 +61,8 @@ class TurnOnBias(Effect):
     def repeatability(self, values):
         """Return the standard deviation of the bias over power cycles, and its 95 % interval.
 
-        They are given for each axis, SI, (3,) and (2, 3). The interval follows from χ² with one
-        degree of freedom less than there are power cycles. Takes the parameters by name, SI.
+        Both are given for each axis, SI, (3,) and (2, 3). The interval follows from χ² with one
+        degree of freedom less than there are power cycles. `values` are the parameters by name, SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
@@ -69,8 +74,8 @@ class TurnOnBias(Effect):
 def turn_on_std(calibration, sensor):
     """Return the standard deviation of the three biases between power cycles, SI, a tuple.
 
-    It follows from the `turn_on_bias` of a SensorCalibration; without one, data sheets
-    give it, `TURN_ON`. Takes the SensorCalibration and the name of the sensor.
+    If the SensorCalibration `calibration` has a `turn_on_bias`, the values follow from it. If not,
+    they are those of data sheets, `TURN_ON`. `sensor` is the name of the sensor.
     """
     for fitted in calibration.effects:
         if isinstance(fitted.effect, TurnOnBias):

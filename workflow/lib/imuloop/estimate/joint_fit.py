@@ -111,7 +111,9 @@ class JointFit:
         sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
         # the kind of residual that the slow noise of each channel contributes to most
         kind_of_channel = {c: OF_SENSOR[sensor][-1] for sensor in sensors for c in SENSORS[sensor]}
-        sizes = {(c, term): self.noise.known(c, term) for c in kind_of_channel for term in "BK"}
+        sizes = {
+            (c, term): self.noise.value_and_std(c, term) for c in kind_of_channel for term in "BK"
+        }
         uncertain = {key: size for key, size in sizes.items() if size[1] > 0}
         aliased = "gyroscope" in self.estimated and recording.rotations.aliased.any()
         certain_noise = self.noise.with_sizes(dict.fromkeys(uncertain, 0.0))

@@ -21,26 +21,26 @@ _REACH = 1.959964
 class Estimates:
     """Estimates of one parameter by n devices; nan for a device that did not determine it.
 
-    They are in nominal SI: readings by the nominal scale of the data sheet. For a noise
-    coefficient, which is positive, they are natural logarithms, so that its spread is relative.
+    The values are in nominal SI, by the nominal scale of the data sheet. For a noise coefficient,
+    which is positive, they are natural logarithms, so that differences and the spread are relative.
     """
 
     name: str  # ``accelerometer.K0``, ``gx.N``
     unit: str  # SI
-    logarithmic: bool
+    logarithmic: bool  # whether `values` are natural logarithms
     values: np.ndarray  # (n,)
-    std: np.ndarray
+    std: np.ndarray  # (n,): standard errors of the values
 
     @property
-    def known(self):
+    def has_value(self):
         """Whether each device determined the parameter, (n,) of bool."""
         return np.isfinite(self.values) & np.isfinite(self.std) & (self.std > 0)
 
 
-def of_calibrations(calibrations):
+def estimates_of_calibrations(calibrations):
     """Return the Estimates of misalignment, scale factor error and bias, of n Calibrations.
 
-    The result is a list with one Estimates per parameter. They are in nominal SI, readings by the
+    The result is a list with one Estimates per parameter. The values are in nominal SI, by the
     nominal scale of the data sheet; a scale factor is relative to the nominal one, minus 1.
     """
     names, values, std = parameters(), [], []
@@ -64,10 +64,10 @@ def of_calibrations(calibrations):
     ]
 
 
-def of_noise(noises):
+def estimates_of_noise(noises):
     """Return the Estimates of white noise N, flicker B and random walk K of n NoiseModels, a list.
 
-    There is one for each term and axis, by natural logarithms.
+    There is one Estimates for each term and axis; its values are natural logarithms.
     """
     estimates = []
     for sensor, channels in SENSORS.items():

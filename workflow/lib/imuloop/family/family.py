@@ -13,14 +13,14 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
 from imuloop.family import LEAST
-from imuloop.family.estimates import of_calibrations, of_noise
+from imuloop.family.estimates import estimates_of_calibrations, estimates_of_noise
 from imuloop.family.odd import deviations
 from imuloop.family.random_effects import fit, spread_interval
 from imuloop.model.calibration import Calibration
 
 # version of the JSON file
 FORMAT = 1
-# chance that any device of a type is named that does not stand out
+# probability that a device is called odd in a type without odd devices
 SIGNIFICANCE = 0.05
 
 
@@ -63,21 +63,21 @@ def tried_effects(diagnosis):
 
 def write_family(path, types):
     """Write family.json; `types` holds the Members of each type by its name."""
-    write_json(path, {"format": FORMAT, "types": {t: of_type(m) for t, m in types.items()}})
+    write_json(path, {"format": FORMAT, "types": {t: compare_devices(m) for t, m in types.items()}})
 
 
-def of_type(members):
-    """Return the content of family.json on one type, a dict; takes its Members.
+def compare_devices(members):
+    """Return the content of family.json on one type, a dict; `members` are its Members.
 
     Each device is tested in each parameter. The p-values of all these tests are adjusted together
     by Holm's method.
     """
-    all_estimates = of_calibrations([m.calibration for m in members])
-    all_estimates += of_noise([m.noise for m in members])
+    all_estimates = estimates_of_calibrations([m.calibration for m in members])
+    all_estimates += estimates_of_noise([m.noise for m in members])
     # a test is the name of a parameter and the number of a device that determined it
     parameters, p_values, tests = {}, [], []
-    for estimates in (e for e in all_estimates if e.known.sum() >= LEAST):
-        parameters[estimates.name], p = of_parameter(estimates, members)
+    for estimates in (e for e in all_estimates if e.has_value.sum() >= LEAST):
+        parameters[estimates.name], p = compare_parameter(estimates, members)
         p_values += [*p]
         tests += [(estimates.name, k) for k in range(len(p))]
     odd = []
@@ -95,12 +95,13 @@ def of_type(members):
     }
 
 
-def of_parameter(estimates, members):
-    """Return the content on one parameter, a dict, and a p-value for k devices, (k,).
+def compare_parameter(estimates, members):
+    """Return the content of family.json on one parameter, a dict, and k p-values, (k,).
 
-    These are the devices that determined the parameter. The p-value is the probability that a
-    device which is not odd is as far from the others; it is not adjusted for other tests. Mean and
-    values of a noise coefficient are in its unit, its spread and standard errors are relative.
+    There is a p-value for each of the k devices that determined the parameter: the probability that
+    a device which is not odd is as far from the others. It is not adjusted for other tests. The
+    mean and values of a noise coefficient are in its unit, the spread and standard errors are
+    relative.
 
     Parameters
     ----------
@@ -109,8 +110,8 @@ def of_parameter(estimates, members):
     members : list of Member
         The devices.
     """
-    known = estimates.known
-    y, std = estimates.values[known], estimates.std[known]
+    has_value = estimates.has_value
+    y, std = estimates.values[has_value], estimates.std[has_value]
     # a fit of a mean and a spread between devices; logarithms become values again
     model, to_value = fit(y, std**2), np.exp if estimates.logarithmic else np.asarray
     deviation, p = deviations(y, std**2)
@@ -122,7 +123,7 @@ def of_parameter(estimates, members):
         "spread": np.sqrt(model.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
         "within": np.sqrt(np.mean(std**2)),
-        "devices": [m.name for m, is_known in zip(members, known, strict=True) if is_known],
+        "devices": [m.name for m, counts in zip(members, has_value, strict=True) if counts],
         "values": to_value(y),
         "std": std,
         "deviations": deviation,
@@ -135,8 +136,8 @@ def effects(members):
 
     The hypothesis is that fewer than half of the devices have the effect. Its p-value is Fisher's
     combination of the larger half of the p-values of the devices (partial conjunction), adjusted
-    for all effects by Holm's method. So a single device cannot give an effect to the type, and all
-    devices together can show an effect that no device shows by itself.
+    for all effects by Holm's method. So a single device alone cannot show an effect of the type,
+    and all devices together can show an effect that no device shows by itself.
 
     References
     ----------

@@ -5,8 +5,9 @@ from scipy.special import ndtri
 
 from imuloop.family.random_effects import fit
 
-# number of robust standard deviations from the median above which a device does not count for the
-# spread of others, and largest share of such devices: two odd devices would hide each other
+# number of robust standard deviations from the median above which a device does not count in the
+# spread that others are compared with, as two odd devices would hide each other; and the largest
+# share of such devices
 FAR, AT_MOST = 4.0, 0.1
 # number of devices, the farthest ones, that are tested
 TRIED = 50
@@ -16,9 +17,9 @@ def deviations(y, squares):
     """Return the deviation of each of n devices from the others, and its p-value, (n,) each.
 
     `y` are the values of the devices and `squares` their variances, (n,). The deviation is in
-    standard deviations of the prediction by the other devices, which include their spread, the
-    error of their mean and the error of the device itself. The p-value is by Student's t; it is
-    one for a device that was not tested.
+    standard deviations of the prediction by the other devices. This standard deviation includes the
+    spread of the others, the error of their mean, and the error of the device itself. The p-value
+    is by Student's t; it is one for a device that was not tested.
     """
     count = len(y)
     # distance from the median, in robust standard deviations

@@ -20,9 +20,9 @@ _SMALLEST = 1e-13
 
 
 def read_prior(sheet, file, device, sessions, type=None):
-    """Return the Prior, means and covariances of parameters before the data, that a file gives.
+    """Return the Prior that a file gives: mean and covariance of the parameters before the data.
 
-    A parameter that the file does not hold keeps the tolerance of the data sheet.
+    A parameter that the file does not hold keeps the prior of the data sheet.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def read_prior(sheet, file, device, sessions, type=None):
 def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
-    It has the mean and covariance of the base parameters (misalignments, scale factors and biases)
+    The result has mean and covariance of the base parameters (misalignments, scale factors, biases)
     that the calibration estimated; the others keep the values of `prior`, a Prior. The variance of
     a bias includes the scatter between power cycles. `source` is the name of the file.
     """
@@ -90,10 +90,11 @@ def of_calibration(prior, calibration, source):
 
 
 def _refuse_other_logs(calibration, sessions):
-    """Raise an ImuloopError if a calibration is from these logs themselves, or from other axes.
+    """Raise an ImuloopError if a calibration is from the given logs, or has other axes than they.
 
-    A static session may be in both, because only its noise is used. `sessions` has the ``kind``,
-    and path of ``samples``, of each session that is calibrated, by name.
+    The calibration and the sessions may share a static log, because only its noise is used.
+    `sessions` has the ``kind``, and path of ``samples``, of each session that is calibrated, by
+    name.
     """
     with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
     if {*hashes(with_poses)} & {*calibration.sha256}:

@@ -1,15 +1,15 @@
-"""Random effects with known errors: ``y_i ~ N(μ, τ² + s_i²)``, several of them at once.
+"""Random effects with known errors: ``y_i ~ N(μ, τ² + s_i²)``, several such models at once.
 
 statsmodels has no such model: its MixedLM estimates the errors within a group and takes none that
-are known, its ``stats.meta_analysis`` has neither restricted likelihood nor an interval of τ. Both
-are a few lines of linear algebra here, for which it would be a heavy dependency.
+are known, and its ``stats.meta_analysis`` has neither restricted likelihood nor an interval of τ.
+Here both take a few lines of linear algebra.
 
 References
 ----------
 W. Viechtbauer, "Bias and efficiency of meta-analytic variance estimators in the random-effects
 model", J. Educ. Behav. Stat. 30 (2005), 261: restricted likelihood errs less than the moments of
-DerSimonian and Laird. Its "Confidence intervals for the amount of heterogeneity in meta-analysis",
-Stat. Med. 26 (2007), 37: the Q-profile, exact where the s_i are known.
+DerSimonian and Laird. The same author, "Confidence intervals for the amount of heterogeneity in
+meta-analysis", Stat. Med. 26 (2007), 37: the Q-profile, which is exact if the s_i are known.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammaincinv, stdtr
 
-# steps of the search for τ², and the share of the spread of y² that ends it
+# most steps of the search for τ², and the change of τ², share of the variance of y, that ends it
 _STEPS, _CLOSE = 200, 1e-10
 # levels of a two-sided interval of 95 %
 _ENDS = (0.975, 0.025)
@@ -26,9 +26,10 @@ _ENDS = (0.975, 0.025)
 
 @dataclass(frozen=True)
 class RandomEffects:
-    """The fit of m models ``y_i ~ N(μ, τ² + s_i²)`` to values y_i of n devices; arrays of (m,).
+    """The fit of m models ``y_i ~ N(μ, τ² + s_i²)`` to values y_i of n devices.
 
-    s_i is the standard error of a value, which is known. Each model has other devices.
+    s_i is the standard error of a value, which is known. Each model is fitted to its own choice of
+    the devices. All fields are arrays (m,).
     """
 
     mean: np.ndarray  # μ
@@ -40,10 +41,10 @@ class RandomEffects:
     def deviation(self, y, squares):
         """Return the deviation of other values from the mean of each model, and its p-value, (m,).
 
-        Takes a value and its variance s² for each model, (m,). The deviation is in standard
-        deviations of a prediction, which include τ, the error of the mean and s. The p-value is by
-        Student's t, whose degrees of freedom follow from the error of ``τ² + s²`` (Satterthwaite);
-        they are n - 1 if all s_i are small.
+        Takes a value `y` and its variance s², `squares`, for each model, (m,). The deviation is in
+        standard deviations of a prediction of y, which include τ, the error of the mean and s. The
+        p-value is by Student's t. Its degrees of freedom follow from the error of ``τ² + s²``
+        (Satterthwaite), and are `dof` if all s_i are small.
         """
         variance = self.variance + squares
         deviation = (y - self.mean) / np.sqrt(variance + self.mean_variance)
@@ -63,7 +64,7 @@ def fit(y, squares, counted=None):
     y, squares : array_like, shape (n,)
         Values and the squares of their known standard errors.
     counted : array_like of bool, shape (m, n), optional
-        The devices that each model is fitted to, two or more; all for one model if not given.
+        The devices that each model is fitted to, two or more; by default one model has all devices.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)
@@ -102,7 +103,7 @@ def spread_interval(y, squares):
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
 
-    # the sum of squares of y; least is a variance that is zero but for rounding
+    # the sum of squares of y about the mean; `least` is a variance that is zero but for rounding
     total = len(y) * y.var() + np.finfo(float).tiny
     least = np.finfo(float).eps * total
 

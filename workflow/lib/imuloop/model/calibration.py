@@ -47,7 +47,7 @@ OF_ONE_LOG = (
 def _digits(value, std):
     """Return a value and its standard error as a pair of texts, with two digits of the error.
 
-    A value without an error, `std` zero or nan, has six digits.
+    If there is no error, `std` zero or nan, the value has six digits.
     """
     if not std > 0:
         return f"{value:.6g}", "—"
@@ -128,7 +128,10 @@ class Calibration:
         return lines
 
     def refuse_nominal(self, where=None):
-        """Raise an ImuloopError if nothing was measured; it names `where` and says what to do."""
+        """Raise an ImuloopError if nothing was measured.
+
+        The message names `where`, a path or text, by default the device, and says what to do.
+        """
         if not self.measured:
             raise ImuloopError(
                 f"{where or self.device}: the calibration is nominal, nothing was measured: "
@@ -143,7 +146,8 @@ class Calibration:
         ----------
         samples : DataFrame
             The whole log, SI, as ingest writes it: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s)
-            and, if it was logged, `temperature` (degC). Effects with a memory start at its start.
+            and, if it was logged, `temperature` (degC). Effects with a memory begin at its first
+            sample.
         nominal : bool
             Whether a calibration of which nothing was measured is applied all the same.
 
@@ -268,7 +272,7 @@ class Calibration:
         """
 
         def apply_sensor(k, sensor, values, other):
-            """Return calibrated values of sensor k, whose effects depend on the `other` values."""
+            """Return calibrated values of sensor k; `other` are the values of the other sensor."""
             output = sensor.output(values)
             channels = Channels(t, output, other, temperature, clamped=clamped[k])
             return sensor.apply(values, channels)

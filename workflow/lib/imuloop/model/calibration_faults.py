@@ -47,8 +47,8 @@ def _validator():
 def content_fault(content):
     """Return the first fault of the JSON content of a calibration, or None if it is valid.
 
-    It is a violation of the schema, or a number that is not finite, as one line of text. `content`
-    is a dict.
+    A fault is a violation of the schema, or a number that is not finite, described by one line of
+    text. `content` is a dict.
     """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message

@@ -40,7 +40,7 @@ class Channels:
         """Return Channels at m other points, from those at n points.
 
         `change` is a function that converts an array (n, …) to (m, …), as by choosing or averaging
-        points. Power cycles are left out.
+        points. The result has neither power cycles nor masks of clamped points.
         """
 
         def history(function, *constants):
@@ -112,7 +112,7 @@ class Effect:
     parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]  # equation of e, with which the docstring of the class begins
     reference: ClassVar[str]  # publication that describes it
-    # channels that it needs: ``temperature``, ``power_cycle`` (more than one)
+    # channels that it needs: ``temperature``, ``power_cycle`` (data of more than one power cycle)
     needs: ClassVar[tuple[str, ...]] = ()
     # data in which the diagnosis tests it: ``poses``, ``static_record``, ``motion``
     records: ClassVar[tuple[str, ...]] = ("poses",)
@@ -136,6 +136,7 @@ class Effect:
     # least and largest value of constants that have limits
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
+    # all subclasses with a name, by name
     library: ClassVar[dict[str, type]] = {}
 
     @property
@@ -151,9 +152,10 @@ class Effect:
     def in_session(self, channels, session, windows):
         """Return the derivative D of the mean output over n windows of a session, SI, (n, 3, p).
 
-        D is the derivative with respect to the p parameters of the effect. `session` is the name of
-        the session, `windows` are start and end, s, (n, 2). The Channels have a point for each
-        window, with the means over it.
+        D is the derivative with respect to the p parameters of the effect. The Channels have a
+        point for each window, with the means over it. An effect that differs between sessions, or
+        changes within a window, also uses the name of the `session`, and the start and end of the
+        `windows`, s, (n, 2).
         """
         return self.design(channels)
 
@@ -167,7 +169,7 @@ class Effect:
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
-        """Return the effect with its time constant, or width, multiplied by a factor.
+        """Return the effect with its constants in `FINE`, a time or a width, times a factor.
 
         An effect without such a constant is returned as it is.
         """
@@ -190,7 +192,7 @@ class Effect:
     def variants(cls, channels):
         """Return the variants of the effect to test in data with these Channels, a tuple.
 
-        They have different values of the constants, such as time constants that are short enough
+        The variants have different values of the constants, such as time constants short enough
         for the data. The tuple is empty for an effect whose derivative is not implemented.
         """
         return () if cls.design is Effect.design else (cls(),)
@@ -232,14 +234,14 @@ def find_effect(name):
 def effect_design(effects, channels, values=()):
     """Return the derivative of the sum of effects with respect to their p parameters, (n, 3, p).
 
-    It is taken at the n points of the Channels and at the parameters `values`, which may be only
-    the first of the p; the others are zero.
+    The derivative is taken at the n points of the Channels and at the parameters `values`. These
+    may be only the first of the p parameters; the others are zero.
     """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     x, ranges = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
     designs = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, ranges, strict=True)]
     empty = np.zeros((len(channels.t), 3, 0))
-    # a single derivative is not copied, as a search has one of hundreds of products
+    # one derivative alone is not copied: a search asks for those of hundreds of effects, one by one
     return designs[0] if len(designs) == 1 else np.concatenate([empty, *designs], axis=2)
 
 
@@ -270,7 +272,7 @@ class FittedEffect:
         e is the design, the derivative of e with respect to the p parameters, (n, 3, p), at the n
         points of the Channels, times the parameters. The derivative with respect to each parameter
         is clamped to its range in the data that the effect was fitted to. `channels.clamped` gets a
-        mask, (n,), of the points at which it was clamped, under the name of the effect.
+        mask, (n,), of the points with a clamped derivative, under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:
@@ -284,10 +286,11 @@ class FittedEffect:
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return the FittedEffect with the ranges of its derivative in the data that show it.
+        """Return a copy with the range of e's derivative with respect to each parameter.
 
-        `channels` is a list of Channels, one for each part of the data. A range has the least and
-        the largest value of the derivative with respect to a parameter.
+        A range is the least and the largest value over the given data, which are `channels`, a
+        list of Channels. `output` clamps the derivative to these ranges, as the effect is not known
+        beyond them. A parameter whose derivative is zero everywhere keeps its earlier range.
         """
         designs = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
@@ -332,7 +335,7 @@ class FittedEffect:
 def _check_constants(effect):
     """Raise TypeError or ValueError for a constant of an effect that is not possible.
 
-    It is of another type than its default, or out of its bounds or infinite.
+    Such a constant is of another type than its default, or out of its bounds or infinite.
     """
     for constant in fields(effect):
         value = getattr(effect, constant.name)

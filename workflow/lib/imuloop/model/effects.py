@@ -10,7 +10,7 @@ from imuloop.model.effect import Effect
 class EffectKind:
     """A kind of effect: a class of the library of effects, and the sensor that has the effect.
 
-    It has the name, the limit and the `is_formula` of the class.
+    An EffectKind has the name, the limit and the `is_formula` of the class.
     """
 
     cls: type
@@ -25,7 +25,7 @@ class EffectKind:
 class SensorEffect:
     """An effect with values of its constants, and the name of the sensor that has it.
 
-    It has the other properties of the effect, too.
+    A SensorEffect also has the properties of the effect that are listed below.
     """
 
     effect: Effect

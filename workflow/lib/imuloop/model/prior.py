@@ -26,7 +26,7 @@ class Prior:
     mean : ndarray, shape (21,)
         Expected parameters.
     covariance : ndarray, shape (21, 21)
-        Their covariance.
+        Covariance of the parameters.
     sources : dict of str to str
         For each sensor, ``data sheet`` or the file that its prior comes from.
     """
@@ -58,7 +58,8 @@ class Prior:
     def with_part(self, places, mean, covariance):
         """Return the Prior with another mean, (p,), and covariance, (p, p), of p parameters.
 
-        `places` is the slice of their indices in x. They are independent of all others then.
+        `places` is the slice of their indices in x. In the result they are independent of all other
+        parameters.
         """
         prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
         prior.mean[places], prior.covariance[places], prior.covariance[:, places] = mean, 0.0, 0.0
@@ -69,8 +70,8 @@ class Prior:
         """Return the Prior with larger standard deviations of parameters that contradict it.
 
         `x`, (21,), are estimates of the parameters. If one is more than `FAR_OFF` standard
-        deviations from the mean, its distance from the mean becomes the standard deviation, because
-        the data are of another unit, range or board than the data sheet.
+        deviations from the mean, its distance from the mean becomes the standard deviation: the
+        data must come from another unit, range or board than the data sheet.
         """
         distance = np.abs(x - self.mean)
         factor = np.where(distance > FAR_OFF * self.std, distance / self.std, 1.0)
@@ -79,8 +80,8 @@ class Prior:
     def rows(self):
         """Return R, (21, 21), and z, (21,), such that ``R x - z`` has mean zero and variance one.
 
-        Its components are independent, so ``Rᵀ R`` is the inverse of the covariance. A fit adds
-        ``|R x - z|²`` to its sum of squares.
+        The components of this difference are independent, so ``Rᵀ R`` is the inverse of the
+        covariance. A fit adds ``|R x - z|²`` to its sum of squares.
         """
         size = self.std
         root = np.linalg.cholesky(self.covariance / np.outer(size, size))
@@ -92,8 +93,8 @@ def data_sheet(tolerances=None):
     """Return the Prior of a data sheet.
 
     `tolerances` has, by sensor, a dict with the standard deviations of ``misalignment``,
-    ``scale_factor`` and ``bias``. A sensor without one has the tolerance of a generic device. The
-    mean is a sensor without errors, and all parameters are independent.
+    ``scale_factor`` and ``bias``. A sensor without such a dict has the tolerance of a generic
+    device. The mean is a sensor without errors, and all parameters are independent.
     """
     declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []

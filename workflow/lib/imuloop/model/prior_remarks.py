@@ -20,13 +20,13 @@ CAUSES = {
 def remarks(sensor, calibration):
     """Return remarks on a SensorCalibration and its prior, sentences, the most important first.
 
-    They name parameters far from the prior, and those that the data hardly improved. The list may
-    be empty. `sensor` is the name of the sensor.
+    The remarks name parameters far from the prior, and those that the data hardly improved. The
+    list may be empty. `sensor` is the name of the sensor.
     """
     sentences = []
     if far := calibration.far_off:
         listed = joined([f"{_words([name])} ({size:.1f} σ)" for name, size in far.items()])
-        causes = " ".join(CAUSES[kind] for kind in dict.fromkeys(name[0] for name in far))
+        causes = " ".join(CAUSES[letter] for letter in dict.fromkeys(name[0] for name in far))
         sentences.append(f"Far from the data sheet: {listed}; {causes}")
     if calibration.names and calibration.method != "static" and calibration.unimproved:
         sentences.append(advice_on_unimproved(sensor, calibration.unimproved))

@@ -60,9 +60,9 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
 def prior_content(sensor, prior, unit):
     """Return the prior of a sensor in the raw units of its log, a dict.
 
-    It has the ``source`` of the prior, and its ``mean`` and ``std``, dicts by name of the
-    parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal SI,
-    and `unit` the RawUnit.
+    The dict has the ``source`` of the prior, and ``mean`` and ``std``, which are dicts by name of
+    the parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal
+    SI, and `unit` the RawUnit.
     """
     names, places = NAMES[sensor], BASE[sensor]
     factor = si_factor(names, unit)
@@ -73,7 +73,7 @@ def prior_content(sensor, prior, unit):
     }
 
 
-def as_logged(sensor, calibration):
+def in_nominal_si(sensor, calibration):
     """Return the off-diagonal elements of T, then K and b, of a SensorCalibration in nominal SI.
 
     The result has the shape (p,), with p = 9 for the accelerometer and 12 for the gyroscope.
@@ -96,12 +96,12 @@ def state_of(calibration, effects=None):
     State
         The parameters of both sensors and of the effects.
     ndarray, shape (p, p)
-        Their covariance.
+        Covariance of all these parameters.
     """
     sensors = {name: getattr(calibration, name) for name in NAMES}
     fitted = {SensorEffect(e.effect, s): e for s in sensors for e in sensors[s].effects}
     effects = tuple(fitted if effects is None else effects)
-    by_sensor = [as_logged(name, sensor) for name, sensor in sensors.items()]
+    by_sensor = [in_nominal_si(name, sensor) for name, sensor in sensors.items()]
     state = State(np.concatenate([*by_sensor, *(fitted[e].vector for e in effects)]), effects)
     # effects from another record than the other parameters have standard errors only
     std = {f"{e.sensor}.{e.name}.{name}": s for e in effects for name, s in fitted[e].std.items()}

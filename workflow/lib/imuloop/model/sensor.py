@@ -65,7 +65,7 @@ class Sensor:
     def jacobian(self, A, y, D):
         """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
 
-        It is taken with respect to the parameters of the sensor; A x has a components.
+        The derivative is with respect to the parameters of the sensor; A x has `a` components.
 
         Parameters
         ----------
@@ -96,8 +96,9 @@ class Sensor:
     def effect_jacobian(self, A, D):
         """Return the derivative of the sums of ``A x`` with respect to p alone, (m, a, q).
 
-        The sums are over the k samples of each of m groups. Takes A, (m, k, a, 3), and D,
-        (m, k, 3, q), as `jacobian` does.
+        The sums are over the k samples of each of m groups. Takes the matrices A, (m, k, a, 3),
+        that multiply the calibrated values x, and the derivative D of e with respect to p,
+        (m, k, 3, q).
         """
         m, k, a, _ = A.shape
         # one product of matrices instead of one per sample

@@ -14,7 +14,7 @@ from imuloop.model.effect import OUTPUT, FittedEffect
 from imuloop.model.state import NAMES
 
 # fields that a file holds without conversion
-_WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
+_PLAIN = ("method", "not_testable", "reduced_chi2", "verdict")
 # ratio of the standard error to the prior standard deviation above which the data did not improve
 # a parameter
 IMPROVED = 0.7
@@ -67,9 +67,9 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Variance of the residuals over the variance by the noise model, at least one.
+        """Reduced χ² of the fit, but at least one.
 
-        It is one without degrees of freedom, when the reduced χ² is None.
+        The excess is one if there are no degrees of freedom, so that the reduced χ² is None.
         """
         return max(1.0, self.reduced_chi2 or 1.0)
 
@@ -137,8 +137,8 @@ class SensorCalibration:
     def unimproved(self):
         """Names of the parameters that the data hardly improved, a tuple.
 
-        Their standard error is more than the share `IMPROVED` of the standard deviation of the
-        prior. A parameter that was not estimated has that standard deviation.
+        The standard error of such a parameter is more than the share `IMPROVED` of the standard
+        deviation of the prior. Parameters that were not estimated are among them.
         """
         prior, std = (self.prior or {"std": {}})["std"], self.std
         return tuple(name for name, size in prior.items() if std.get(name, size) > IMPROVED * size)
@@ -161,7 +161,7 @@ class SensorCalibration:
             "raw_unit": self.raw_unit.name,
             "raw_scale": self.raw_unit.scale,
             "raw_offset": self.raw_unit.offset,
-            **{key: getattr(self, key) for key in _WORDS},
+            **{key: getattr(self, key) for key in _PLAIN},
             "T": self.T,
             "K": self.K,
             "b": self.b,
@@ -187,5 +187,5 @@ class SensorCalibration:
             covariance=np.array(rows, dtype=float).reshape(len(rows), len(rows)),
             effects=tuple(map(FittedEffect.from_dict, content["effects"])),
             prior=content.get("prior"),
-            **{key: content.get(key) for key in _WORDS},
+            **{key: content.get(key) for key in _PLAIN},
         )

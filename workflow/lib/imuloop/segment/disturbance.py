@@ -14,10 +14,9 @@ MOST = 20_000
 # quantile that sets the scale if the tails are heavier than normal, and most by which it may raise
 # the covariance: a device that is handled for longer must not hide it
 TAIL, TAIL_LIMIT = 0.99, 4.0
-# number of samples of a mean below which single outliers of a sensor affect it
-LONE = 4
-# factor by which the amplitude has to be larger then to count as a knock
-LONE_FACTOR = 2.0
+# number of samples below which a mean is affected by single outliers of a sensor, and the factor by
+# which the amplitude of a second difference of such means has to be larger to be a disturbance
+LONE, LONE_FACTOR = 4, 2.0
 # most samples between two second differences: they take 130 MB for a day at 1 kHz
 SPACING = 32
 # number of times that the covariance is estimated from the vectors within a quantile
@@ -77,13 +76,13 @@ def squared_distance(x, covariance):
     return np.einsum("ij,ij->j", y, y)
 
 
-def distance_beyond(probability, k, m):
-    """Return the squared distance that a vector of noise exceeds with a probability, a float.
+def squared_distance_limit(probability, k, m):
+    """Return the squared distance that a noise vector exceeds with the given probability, a float.
 
     The covariance of the k channels is estimated from m other vectors, so the squared distance is
     Hotelling's T²: (m² − 1) k / (m (m − k)) times an F variable with k and m − k degrees of
-    freedom. F exceeds ``(m − k) (1 − z) / (k z)`` with the probability that a beta variable with
-    m − k and k degrees of freedom is below z. This form is accurate for small probabilities.
+    freedom. F exceeds ``(m − k) (1 − z) / (k z)`` with the probability that a
+    Beta((m − k)/2, k/2) variable is below z. This form is accurate for small probabilities.
     """
     z = betaincinv((m - k) / 2, k / 2, probability)
     return (m * m - 1) / m * (1 - z) / z
@@ -158,7 +157,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     """
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
-    # sums over `half` samples, `apart` samples apart
+    # in each range, sums over `half` samples, which start `apart` samples apart
     sums = [_double_sums(x[:, i:j], 1, 2) for i, j in ranges]
     while half * step <= settings.longest_scale_s:
         # number of second differences without overlap
@@ -174,11 +173,11 @@ def _find_cuts(x, ranges, floor, step, settings):
         every = sum(d.shape[1] for d in differences) // MOST + 1
         sample = np.hstack([d[:, ::every] for d in differences]).T
         covariance = robust_covariance(sample, floor)
-        bound = distance_beyond(settings.false_alarm / n, 6, min(separate, len(sample)))
+        bound = squared_distance_limit(settings.false_alarm / n, 6, min(separate, len(sample)))
         bound *= LONE_FACTOR**2 if half < LONE else 1.0
         for start, s, d in zip(ranges[:, 0], sums, differences, strict=True):
             first, marks = _find_large(s, d, half, covariance, bound, guard)
-            # only those whose samples contain no cut of a finer scale
+            # only second differences whose samples contain no cut of a finer scale
             k = np.searchsorted(cuts[:, 1], start + first, side="right")
             free = start + first + 3 * half <= np.append(cuts[:, 0], n)[k]
             if free.any():
@@ -213,7 +212,8 @@ def _find_large(sums, differences, half, covariance, bound, guard):
     if 3 * half <= max(guard, SPACING):
         first = spacing * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]
-    # among overlapping ones the largest, and of its two edges the one where the level changes more
+    # of overlapping second differences the largest is cut, at that of its two edges where the level
+    # changes more
     index = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
     before, during, after = (sums[:, index + k * lag] for k in range(3))
     first_change = squared_distance((during - before).T, covariance)
@@ -223,8 +223,9 @@ def _find_large(sums, differences, half, covariance, bound, guard):
 
 
 def _double_sums(sums, lag, thin):
-    """Return sums over twice as many samples, (6, k), of which one in `thin` is kept.
+    """Return sums of six channels over twice as many samples, (6, k); one in `thin` is kept.
 
-    Takes sums over consecutive samples, (6, m), of which those `lag` apart adjoin each other.
+    `sums` are sums over consecutive samples, (6, m). Two sums whose columns differ by `lag` adjoin
+    each other.
     """
     return sums[:, :-lag:thin] + sums[:, lag::thin]

@@ -12,7 +12,7 @@ WINDOW = 0.5
 HOLDS = 0.03
 # shortest rest in the hand, s: a shorter one may be a pause within a turn
 SHORTEST = 2.0
-# share of a rest in the hand that lies still on a support, from which on only that part is used
+# if this share of a rest in the hand lies still on a support, only the part on the support is used
 MOST = 0.8
 
 
@@ -20,7 +20,7 @@ def held_rests(w, stretches, step, bias, shortest):
     """Return the ranges of samples in which a hand holds the device, (m, 2).
 
     In such a range the norm of the mean angular rate over `WINDOW`, less the bias, is at most
-    `HOLDS`. It lasts at least `SHORTEST` and at least `shortest`.
+    `HOLDS`. The range lasts at least `SHORTEST` and at least `shortest`.
 
     Parameters
     ----------
@@ -44,9 +44,10 @@ def held_rests(w, stretches, step, bias, shortest):
 def unite(still, held):
     """Return rests on a support and in the hand in order of time, and which are in the hand.
 
-    A rest in the hand replaces the rests on a support that lie in it, unless they are `MOST` of it.
-    A rest in the hand is not used either if a rest on a support lies in it by less than half. Takes
-    ranges of samples of both kinds, (k, 2) and (l, 2); returns ranges, (m, 2), and a mask, (m,).
+    A rest in the hand replaces the rests on a support that overlap with it. It is left out instead
+    in two cases: if rests on a support are at least the share `MOST` of it, or if some but less
+    than half of a rest on a support lies in it. Takes ranges of samples of rests on a support,
+    `still`, (k, 2), and in the hand, `held`, (l, 2); returns ranges, (m, 2), and a mask, (m,).
     """
     # number of samples that each pair of rests shares, (k, l)
     ends = np.minimum(still[:, None, 1], held[:, 1])
@@ -63,8 +64,9 @@ def unite(still, held):
 def sways(w, rests, bias, step):
     """Return the root mean square of the rotation from the mean attitude of each rest, rad, (m,).
 
-    It includes rotation about the vertical, which looks like a bias. Takes angular rate, rad/s,
-    (3, n), the ranges of samples of the rests, (m, 2), the bias, rad/s, (3,), and the time step, s.
+    The rotation includes the one about the vertical, which looks like a bias. Takes angular rate,
+    rad/s, (3, n), the ranges of samples of the rests, (m, 2), the bias, rad/s, (3,), and the time
+    step, s.
     """
     rotations = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
     return np.array([np.sqrt(rotation.var(axis=0).sum()) for rotation in rotations])

@@ -7,7 +7,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.core.stretches import lengths
 from imuloop.segment.attitudes import SAME_ATTITUDE
 
-# largest angle between two rests of one pose by which the device may turn and return, rad
+# largest angle by which the device may turn and return between two rests of one pose, rad
 TURNED = 0.087
 
 
@@ -27,11 +27,12 @@ def _has_turned(rows, first, last, bias):
 def number_poses(rows, rests, table, stretches):
     """Return the number of the pose of each rest, 0, 1, 2 … in order of time, (m,).
 
-    A rest has the number of the rest before it under three conditions. No long gap lies between
-    them. Their directions of specific force agree within `SAME_ATTITUDE`, or within four standard
-    errors of the means if these are larger. And the device never turned by more than `TURNED`
-    between them, by the angular rate less its mean over both rests: a full turn, or a turn about
-    the vertical, makes a new pose although the direction of gravity is the same.
+    A rest has the number of the rest before under three conditions. No long gap lies between the
+    two rests. The direction of specific force agrees with that of the first rest of the pose within
+    `SAME_ATTITUDE`, or within four standard errors of the means if these are larger. And the device
+    never turned by more than `TURNED` between the two rests, by the angular rate less its mean over
+    both: a full turn, or a turn about the vertical, makes a new pose although the direction of
+    gravity is the same.
 
     Parameters
     ----------

@@ -32,13 +32,13 @@ from imuloop.segment.static_detector import (
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.tilt import tilts, without_tilts
 
-# fewest rests that are dropped as too short for which shorter settings are tried, and by how much
+# number of rests dropped as too short from which on shorter settings are tried, and the divisors
 LEAST_SHORT, SHORTER = 5, {"window_s": 2, "shortest_rest_s": 4}
 # number of attitudes that determine an accelerometer's nine parameters and check them
 ENOUGH = 12
 # largest ratio of the expected errors of a calibration with steady rests only and with all rests
 DEAREST = 2.0
-# largest ratio of the expected errors with rests in the hand and without
+# ratio of the expected errors with rests in the hand and without them, below which they are added
 WORTH_HOLDING = 0.95
 # largest share of clipped samples of a rest whose mean is used: the mean is then wrong by 0.3 % of
 # the standard deviation of the noise
@@ -94,12 +94,13 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     has_force = holds(rows, "accelerometer")
     at_rest = kind == "static" or not has_force
     moving = at_rest and moves(rows, stretches, step, settings)
-    # disturbances of a moving device cannot be told from motion: it has rests and motion
+    # disturbances of a moving device cannot be told from motion: its segments are rests and motion
     has_motion = has_force and (moving or not at_rest)
     if has_motion:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving:
-            # only rests on a support count, which do not tilt; they must not move either
+            # only rests without a tilt count, which are on a support; if most of their time is
+            # motion, too, the session has no rests
             rests, tilt = rests[tilt == 0], tilt[tilt == 0]
             if moves(rows, rests, step, settings):
                 rests, tilt = rests[:0], tilt[:0]
@@ -153,6 +154,7 @@ def _between_disturbances(rows, stretches, step, settings):
     t, first = rows[TIME], own_rows(rows[stamps])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
+    # ranges of rows are converted to ranges of the slower sensor's samples, and the result back
     return edges[undisturbed_ranges(means, np.searchsorted(first, stretches), step, settings)]
 
 
@@ -206,16 +208,16 @@ def _choose_rests(log, settings):
     in_hand : bool
         Whether some are in the hand.
     short : int
-        Number of rests that are too short.
+        Number of still stretches that are too short to be rests.
     """
     f, w, stretches, step = log
     detected, steady, bias, short = _detect(log, settings)
     if not len(detected):
         return detected, np.zeros(0), False, short
     least = expected_error(attitudes(f, detected))
-    # steady rests are preferred, unless they are too few to determine a calibration; `most` is the
-    # largest expected error up to which the choice counts
-    for still, most in ((steady, DEAREST * least), (detected, np.inf)):
+    # steady rests are preferred, unless they are too few to determine a calibration: the result is
+    # returned if its expected error is at most `largest`
+    for still, largest in ((steady, DEAREST * least), (detected, np.inf)):
         rests, tilt = without_tilts(f, w, widen_rests(f, w, still, stretches, step), bias, step)
         result = rests, tilt, False, short
         error = expected_error(attitudes(f, rests))
@@ -227,16 +229,17 @@ def _choose_rests(log, settings):
             all_tilts[is_held] = sways(w, all_rests[is_held], bias, step)
             all_tilts[~is_held] = tilt[np.isin(rests[:, 0], all_rests[~is_held, 0])]
             error, result = error_with_held, (all_rests, all_tilts, True, short)
-        if error <= most:
+        if error <= largest:
             return result
 
 
 def _detect(log, settings):
-    """Return all rests of a session, their steady parts, the bias, and how many are too short.
+    """Return all rests of a session, their steady parts, the bias, and the number of short ones.
 
-    Rests are ranges of samples, (m, 2); the bias is the gyroscope's, rad/s, (3,). `log` holds
-    specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps and the time
-    step, s.
+    Rests and steady parts are ranges of samples, (m, 2) and (l, 2). The bias is the gyroscope's,
+    rad/s, (3,). The last result is the number of still stretches that are too short to be rests.
+    `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps
+    and the time step, s.
     """
     f, w, stretches, step = log
     windows = activity(f, w, stretches, max(2, round(settings.window_s / step)))

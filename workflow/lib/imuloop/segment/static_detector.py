@@ -2,8 +2,8 @@
 
 Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration without
 external equipments", ICRA 2014, section IV-A. The paper takes the root of the sum of the squared
-variances of the axes, which depends on how the sensor's frame lies; their sum, taken here, does
-not, and a multiple of it means the same.
+variances of the axes, which depends on the orientation of the sensor's axes. This module takes the
+sum of the variances, which does not.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from scipy.special import chdtri
 from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
-# ratio of the variance of accelerometer and gyroscope to the level at rest up to which a window is
-# at rest (`unsteady_samples` finds a hand that trembles), and up to which it is quiet enough to
-# determine the gyroscope's bias
+# largest ratio of the variances of accelerometer and gyroscope to their levels at rest: in a window
+# at rest (`unsteady_samples` then finds a hand that trembles), and in a window that is quiet enough
+# to determine the gyroscope's bias
 MULTIPLES, QUIET = (10, 300), (10, 10)
 # fewest samples of a rest: the variance of fewer does not give the error of the mean
 FEWEST_SAMPLES = 4
@@ -86,13 +86,13 @@ def activity(force, rate, stretches, window):
 def moves(rows, stretches, step, settings):
     """Return whether the device moves most of the time in a session that should be at rest.
 
-    It does if most windows differ from the next by more than `rate_tolerance` in the mean angular
-    rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples, the ranges
-    between long gaps, (k, 2), the median time step, s, and SegmentSettings.
+    The device does so if most windows differ from the next one by more than `rate_tolerance` in the
+    mean angular rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples,
+    the ranges between long gaps, (k, 2), the median time step, s, and SegmentSettings.
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
     first, _, means = block_means(rows, stretches, width)
-    # of specific force and of angular rate, from each window to the next
+    # size of the change of specific force and of angular rate from each window to the next
     change = np.linalg.norm(np.diff(means, axis=0).reshape(-1, 2, 3), axis=2)
     moved = (change > [FORCE_TOLERANCE, settings.rate_tolerance]).any(axis=1)
     # two windows with a gap between them do not count
@@ -100,22 +100,23 @@ def moves(rows, stretches, step, settings):
     return 2 * np.count_nonzero(moved) > len(moved)
 
 
-def rates_at_rest(moving, settings):
+def rates_at_rest(windows, settings):
     """Return a list of one or two biases of the gyroscope at rest, rad/s, (3,) each.
 
-    The first is the median rate of all quiet windows. There is a second if the bias jumps: if the
-    quiet windows whose rate differs from the first by more than `rate_tolerance` belong to several
-    rests and nearly all have the same rate. Slow turns also have other rates, but each turn has a
-    different one. Takes the Activity, variances and mean rates in windows, and SegmentSettings.
+    The first is the median rate of all quiet windows. There is a second bias if the bias jumps:
+    then the quiet windows whose rate differs from the first bias by more than `rate_tolerance`
+    belong to several rests, and nearly all have the same rate. Slow turns also have other rates,
+    but each turn has a different one. `windows` is the Activity, the variances and mean rates in
+    windows, and `settings` are the SegmentSettings.
     """
-    quiet = np.flatnonzero(moving.within(QUIET))
-    first = np.median(moving.rate[:, quiet], axis=1) if len(quiet) else np.zeros(3)
-    far = quiet[moving.away([first])[quiet] > settings.rate_tolerance]
+    quiet = np.flatnonzero(windows.within(QUIET))
+    first = np.median(windows.rate[:, quiet], axis=1) if len(quiet) else np.zeros(3)
+    far = quiet[windows.away([first])[quiet] > settings.rate_tolerance]
     # windows more than a window apart belong to different rests
-    if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
+    if 1 + np.sum(np.diff(far) > windows.window) < RESTS_OF_A_BIAS:
         return [first]
-    second = np.median(moving.rate[:, far], axis=1)
-    strays = moving.away([second])[far] > settings.rate_tolerance
+    second = np.median(windows.rate[:, far], axis=1)
+    strays = windows.away([second])[far] > settings.rate_tolerance
     return [first] if strays.mean() > FEW else [first, second]
 
 
@@ -128,8 +129,8 @@ def detect_rests(still, stretches, step, settings):
     ----------
     still : ndarray of bool, shape (n,)
         Whether each sample is still: the variances of both sensors are within multiples of their
-        level, and the mean rate is within `rate_tolerance` of the bias. The latter shows a slow
-        turn about the vertical, which changes nothing else.
+        level, and the mean rate is within `rate_tolerance` of the bias. Only the mean rate shows a
+        slow turn about the vertical.
     stretches : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.
     step : float

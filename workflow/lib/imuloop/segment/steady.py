@@ -4,7 +4,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from imuloop.core.stretches import divided, lengths
-from imuloop.segment.disturbance import MOST, distance_beyond, robust_covariance, squared_distance
+from imuloop.segment.disturbance import (
+    MOST,
+    robust_covariance,
+    squared_distance,
+    squared_distance_limit,
+)
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
 # length of the parts of a rest that are judged, s: in longer parts the bias may drift by warm-up
@@ -15,7 +20,7 @@ FEWEST = 20
 FEWEST_OF_A_PART = 3
 # shortest window, share of `window_s`; each scale has windows twice as long as the scale before
 FINEST = 1 / 32
-# number of scales that fit into a part, if `window_s` is 1 s
+# number of scales, lengths of windows, that fit into a part if `window_s` is 1 s
 SCALES = 8
 
 
@@ -63,7 +68,7 @@ def unsteady_samples(w, rests, step, settings):
         # variance of a mean of samples that alternate between two levels: a quarter step², over n
         floor = np.full(3, 3 * rounding / window)
         covariance = robust_covariance(x[:: len(x) // MOST + 1], floor, tail_limit=1.0)
-        bound = distance_beyond(settings.false_alarm / SCALES / len(x), 3, freedom)
+        bound = squared_distance_limit(settings.false_alarm / SCALES / len(x), 3, freedom)
         unsteady[np.r_[*(slice(i, j) for i, j in long)]] |= squared_distance(x, covariance) > bound
         window *= 2
     guard = round(settings.window_s / 8 / step)

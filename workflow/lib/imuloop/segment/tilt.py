@@ -11,8 +11,8 @@ BLOCK, BLOCKS = 2.0, 1 << 14
 FEWEST = 8
 # least turn of gravity by a tilt, rad: 5 mg
 LEAST = 0.005
-# largest ratio of the residual to the turn of gravity, root mean square, if the turn by the
-# gyroscope is subtracted
+# largest ratio of the residual, which remains of the turn of gravity after the turn by the
+# gyroscope is subtracted, to this turn of gravity, root mean squares
 MOST_LEFT = 1 / 3
 # length of a block of a short rest, s, and of the parts in which it is judged, s
 SHORT_BLOCK, PART = 0.1, 2.0
@@ -32,9 +32,9 @@ def tilts(rows, ranges, step):
 
     Both sensors see a tilt. Let u be the specific force in units of its magnitude, r the angular
     rate and b the gyroscope's bias. A tilt turns u by du/dt = u × (r - b). A drift of the
-    accelerometer's bias changes u as well, but does not change r. So u is compared with the turn of
+    accelerometer's bias changes u as well, but does not change r. So u is compared with the turn by
     the gyroscope, ∫ u × (r - b) dt, in windows of all lengths. A window shows a tilt if u changes
-    by at least `LEAST`, and if the difference of u and the turn is small compared with u.
+    by at least `LEAST`, and if the changes of u less the turn are small compared with those of u.
 
     The comparison is made in two ways. First, the best line is subtracted from both, which removes
     any bias: this shows tilts that start or end in the window. Second, only the mean is subtracted,
@@ -42,8 +42,8 @@ def tilts(rows, ranges, step):
     seen. A ramp of the temperature that moves both biases is not taken for a tilt, because it makes
     the turn of the gyroscope quadratic in time and u linear.
 
-    If windows of several lengths show a tilt, the shortest is used; the result is the part of it in
-    which u changes.
+    If windows of several lengths show a tilt, the shortest one is used. The result has the part of
+    each such window in which u changes.
 
     Parameters
     ----------
@@ -76,9 +76,9 @@ def tilts(rows, ranges, step):
 def _find_windows(u, turned):
     """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
 
-    Takes the direction u of specific force in n blocks, and the turn of it that the gyroscope
-    shows, rad, (n, 3) each. They are compared after subtracting the best line, and after
-    subtracting the mean.
+    Takes the direction u of specific force in n blocks, and the turn of u that the gyroscope shows,
+    `turned`, rad, (n, 3) each. The two are compared after subtracting the best line from both, and
+    after subtracting the mean.
     """
     chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
@@ -105,7 +105,8 @@ def _find_windows(u, turned):
 def _changing_part(u):
     """Return the range of blocks, (2,), in which u, (n, 3), goes from its first to its last value.
 
-    It starts where u leaves the first value and ends where it reaches the last, by `LEAST` / 2.
+    The range starts where the distance of u from the first value exceeds `LEAST` / 2, and ends
+    where its distance from the last value falls below `LEAST` / 2.
     """
     # blocks after u has left the first value, and before it reaches the last
     has_left, is_before = (np.linalg.norm(u - x, axis=1) > LEAST / 2 for x in (u[0], u[-1]))
@@ -117,8 +118,8 @@ def without_tilts(f, w, rests, bias, step):
     """Return rests without the ends in which the device tilts, and the tilt of each, rad.
 
     A rest is cut to its longest stretch of parts without a tilt if no more than `CUT` of it is
-    lost. Otherwise it is kept as it is, because a tilt changes the direction of gravity but not its
-    norm; its tilt is then the root mean square over its parts.
+    lost. Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but
+    not the norm; the tilt of such a rest is the root mean square over its parts.
 
     Parameters
     ----------
@@ -161,9 +162,9 @@ def rest_tilts(f, w, rests, bias, step):
     .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2,
         \quad y = u - \bar u, \quad x = \bar u × (δ - \bar δ),
 
-    where σ is the noise of u in a block. If the device lies still, it exceeds log(1/p) with a
-    probability below p, whatever the gyroscope shows (Markov's inequality). Tilts by a soft surface
-    that settles, or by a hand, are found in this way. Since an accelerometer may drift, the
+    where σ is the noise of u in a block. If the device lies still, this logarithm exceeds log(1/p)
+    with a probability below p, whatever the gyroscope shows (Markov's inequality). Tilts by a soft
+    surface that settles, or by a hand, are found in this way. Since an accelerometer may drift, the
     gyroscope also has to explain `SHARE` of the part of y that is not noise.
 
     If some parts of a session tilt, others are more likely to tilt as well: the prior odds are the

@@ -12,9 +12,9 @@ DECIDING = 1_000_000
 def sliding_statistics(x, n):
     """Return mean and variance in the window of `n` samples about each sample of x, (m, …) each.
 
-    m is at least n. Within half a window of an end, the first or the last window is used. The
-    variance is the difference of the means of x² and x, squared; the median is subtracted first, so
-    that rounding does not matter.
+    x has m samples, at least n. Within half a window of either end, the first or the last window is
+    used. The variance is the mean of x² less the square of the mean of x; the median is subtracted
+    from x first, so that rounding does not matter.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -55,10 +55,10 @@ def block_means(rows, ranges, width):
 def rounding_variance(x):
     """Return the variance that rounding adds to one axis of a sensor, a float.
 
-    Takes the m samples of its three axes, x, (m, 3). It is a twelfth of the squared resolution. The
-    resolution is the smallest step between the first million samples that is larger than the
-    rounding of their number format. A sensor whose values never change has none; the result is then
-    1, as any positive variance will do.
+    Takes the m samples of the three axes of the sensor, x, (m, 3). The variance is a twelfth of the
+    squared resolution. The resolution is the smallest step between the first million samples that
+    is larger than the rounding of their number format. If the values never change, there is no such
+    step; the result is then 1, as any positive variance will do.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)

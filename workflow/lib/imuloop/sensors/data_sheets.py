@@ -65,7 +65,7 @@ FLOOR = {
     "accelerometer": Tolerance(0.01, 0.01, 0.5),
     "gyroscope": Tolerance(0.02, 0.01, 0.2),
 }
-# no sensor is worse; a larger one is in another unit
+# largest tolerance that a config may state: no sensor is worse, so a larger one is in another unit
 LARGEST = Tolerance(0.5, 0.5, 100.0)
 
 
@@ -112,14 +112,14 @@ class SensorFigures:
 
     @property
     def noise_density(self):
-        """Typical white noise, SI per √Hz; None if not known, or if ranges differ."""
+        """Typical white noise, SI per √Hz; None if not known or not the same for all ranges."""
         densities = {one_range.noise_density for one_range in self.ranges}
         return densities.pop() if len(densities) == 1 else None
 
 
 @dataclass(frozen=True)
 class DataSheet:
-    """A sensor of the table; `accelerometer` or `gyroscope` is None where it has none."""
+    """A part of the table; its `accelerometer` or `gyroscope` is None if it does not have one."""
 
     key: str
     label: str
@@ -135,13 +135,13 @@ class DataSheet:
         quantity : str
             ``acceleration`` or ``angular_rate``.
         full_scale : str or float, optional
-            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. A sensor with a
-            single range needs none.
+            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. It is not needed if
+            there is a single range.
 
         Raises
         ------
         ImuloopError
-            If the sensor has no such range, or several and none is given.
+            If there is no such range, or if there are several and no full scale is given.
         """
         part = PARTS[quantity]
         figures = getattr(self, part)
@@ -171,8 +171,8 @@ def find_sensor(name):
 
     A tolerance becomes a standard deviation as follows. A typical figure counts as one standard
     deviation. A maximum is the half-width of a rectangular distribution, which has the standard
-    deviation maximum/√3. With both, the larger counts. No standard deviation is below `FLOOR`. A
-    figure that the sheet lacks is taken from `GENERIC`.
+    deviation maximum/√3. If the sheet has both, the larger standard deviation counts. No standard
+    deviation is below `FLOOR`. A figure that the sheet lacks is taken from `GENERIC`.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def find_sensor(name):
     Raises
     ------
     ImuloopError
-        If the table has no such sensor; with the nearest name.
+        If the table has no such sensor; the message names the nearest one.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Figures of a device that are known before its logs, by data sheet and declaration."""
+"""Figures of a device that are known before its logs are read: by data sheet and declaration."""
 
 from dataclasses import asdict
 
@@ -14,16 +14,17 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     sensor : str, optional
         Name of the sensor in the table.
     ranges, nominal, full_scale : dict, optional
-        By quantity, ``range``, ``nominal`` and ``full_scale`` as in the config. What they state
-        goes before the data sheet.
+        ``range``, ``nominal`` and ``full_scale`` of the config, by quantity: ``acceleration`` and
+        ``angular_rate``. Their values replace those of the data sheet.
 
     Returns
     -------
     dict
-        ``nominal`` and ``full_scale`` by quantity, SI; of a sensor without the range that it needs
-        ``nominal`` holds the ``ranges`` to choose from. ``tolerances`` by sensor, the fields of a
-        `Tolerance`. ``data_sheet``, empty without a name: the ``sensor`` and its typical ``noise``,
-        SI per √Hz, by sensor.
+        ``nominal``: by quantity, the ``scale`` and ``offset`` of counts, SI; if a range has to be
+        chosen and is not, the names of all ``ranges`` instead of the scale of the data sheet.
+        ``full_scale``: by quantity, SI. ``tolerances``: the fields of a `Tolerance`, by
+        ``accelerometer`` and ``gyroscope``. ``data_sheet``: the name of the ``sensor``, and its
+        typical ``noise``, SI per √Hz, by ``accelerometer`` and ``gyroscope``; empty without a name.
 
     Raises
     ------
@@ -35,10 +36,10 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     sheet = find_sensor(sensor) if sensor else None
     scales, limits, tolerances, noise = {}, {}, {}, {}
     for quantity, part in PARTS.items():
-        # statements of the config on the quantity, and the range that it chooses
+        # what the config states on the quantity, and the range that the config chooses
         stated, wanted = dict((nominal or {}).get(quantity) or {}), (ranges or {}).get(quantity)
         tolerance = stated.pop("tolerance", None) or {}
-        figures, usual = getattr(sheet, part, None), GENERIC[part]
+        figures, by_default = getattr(sheet, part, None), GENERIC[part]
         if wanted is not None or (figures and len(figures.ranges) == 1):
             chosen = sheet.choose_range(quantity, wanted)
             stated = {"scale": chosen.scale} | stated
@@ -48,12 +49,12 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
             stated = {"ranges": [one_range.name for one_range in figures.ranges]} | stated
             density = figures.noise_density
         if figures:
-            usual = figures.tolerance
+            by_default = figures.tolerance
             noise |= {part: density} if density else {}
         if stated:
             scales[quantity] = stated
         if figures or tolerance:
-            tolerances[part] = asdict(usual) | tolerance
+            tolerances[part] = asdict(by_default) | tolerance
     return {
         "nominal": scales,
         "full_scale": limits | (full_scale or {}),

@@ -37,15 +37,15 @@ def tilted(directions, degrees, rng):
 def poses(session, rate, rng):
     """Return the pieces of a six- or multi-position session, and the upward body axis at its start.
 
-    The pieces are a list of Pieces, rests and moves by turns; the axis is a unit vector, (3,).
-    Takes a SessionTruth, the rate in Hz and a source of random numbers.
+    The pieces are a list of Pieces, in turn a rest and a move; the axis is a unit vector, (3,).
+    Takes a SessionTruth, the rate in Hz and a source of random numbers, a numpy Generator.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
     else:
         start = np.divide(session.up, np.linalg.norm(session.up))
         up = np.vstack([start, spread(session.poses, rng)])
-    # poses after which the device is turned about the vertical; poses with a motor running
+    # poses in which the device is turned about the vertical, and poses while the motor runs
     yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
     shaken, motor = set(), session.vibration
     if motor:
@@ -53,11 +53,11 @@ def poses(session, rate, rng):
         shaken = set(1 + rng.permutation(len(up) - 1)[: round(motor.share * (len(up) - 1))])
 
     def samples(span):
-        """Return the number of samples of a random duration, between the two of `span`, s."""
+        """Return the number of samples of a random duration between the ends of `span`, s."""
         return round(rng.uniform(*span) * rate)
 
     def random_rest(pose):
-        """Return a rest of random duration in a pose, with vibration if its motor runs."""
+        """Return a rest of random duration in a pose, with vibration if the motor runs in it."""
         n, vibration = samples(session.rest_s), None
         if pose in shaken:
             rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
@@ -85,7 +85,8 @@ def at_rest(session, rate, rng):
     The pieces are a list of Pieces: rests, and the disturbances between them. A knock is a short
     burst of acceleration. A tilt is a turn about a horizontal axis that lasts. Handling is a
     stretch of wobble, tremor and acceleration that ends in the attitude in which it began. The axis
-    is a unit vector, (3,). Takes a SessionTruth, the rate in Hz and a source of random numbers.
+    is a unit vector, (3,). Takes a SessionTruth, the rate in Hz and a source of random numbers, a
+    numpy Generator.
     Raises an ImuloopError if disturbances overlap, are not in order of time or do not fit in the
     session.
     """

@@ -21,15 +21,13 @@ TREMOR = (8.0, 12.0)
 class Motion:
     """True motion of a session at n samples."""
 
-    # s
-    t: np.ndarray
-    # quaternions, scalar first, that take body axes to level axes, (n, 4)
+    t: np.ndarray  # (n,): time, s
+    # (n, 4): quaternions, scalar first, that rotate from body axes to level axes
     attitude: np.ndarray
-    # on body axes, (n, 3), m/s^2 and rad/s
-    specific_force: np.ndarray
-    angular_rate: np.ndarray
-    # `start_s`, `end_s` (half-open) and `pose` of each; those that differ only by a turn about the
-    # vertical share the number
+    specific_force: np.ndarray  # (n, 3): m/s^2, on body axes
+    angular_rate: np.ndarray  # (n, 3): rad/s, on body axes
+    # a row per rest: `start_s`, `end_s` (half-open) and `pose`, the number of the pose. Rests that
+    # differ only by a turn about the vertical have the same number
     rests: pd.DataFrame
 
 
@@ -37,21 +35,22 @@ class Motion:
 class Piece:
     """A stretch of a session, a rest or a move of n samples.
 
-    Attitudes are quaternions, scalar first, that rotate from the body axes to those at its start.
+    Attitudes are quaternions, scalar first, that rotate from the body axes to the body axes at the
+    start of the piece.
     """
 
     attitude: np.ndarray  # (n, 4)
     rate: np.ndarray  # (n, 3): angular rate on body axes, rad/s
     acceleration: np.ndarray  # (n, 3): linear acceleration on level axes, m/s^2
     after: np.ndarray  # (4,): attitude one sample after the last
-    # number of the pose, -1 for a move
-    pose: int = -1
+    pose: int = -1  # number of the pose, -1 for a move
 
 
 def rest(n, pose, acceleration=None):
     """Return a rest of `n` samples, a Piece.
 
-    `pose` is the number of the pose, and `acceleration`, (n, 3), m/s^2, that of a vibration.
+    `pose` is the number of the pose, and `acceleration`, (n, 3), m/s^2, is by a vibration; there is
+    none by default.
     """
     unchanged = np.array([1.0, 0, 0, 0])
     return Piece(
@@ -85,7 +84,8 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     shake : float
         Size of the linear acceleration, m/s^2.
     rng : Generator, optional
-        Source of axes, phases and frequencies of all three; without it there are none.
+        Source of axes, phases and frequencies of wobble, tremor and shake, a numpy Generator; by
+        default there is no wobble, tremor or shake.
 
     References
     ----------
@@ -94,11 +94,12 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     tau, duration = np.arange(n) / n, n * dt
     fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
     course = tau**3 * (10 - 15 * tau + 6 * tau**2)
-    # axis, angle and rate of the angle of each factor
+    # axis, angle and rate of the angle of each factor; the axis of the turn v has the length of v
     factors = [(np.asarray(turn), course, 30 * (tau - tau**2) ** 2 / duration)]
     acceleration = np.zeros((n, 3))
     if rng is not None:
-        # one axis square to the turn, so that rotations do not commute; the other anywhere
+        # the axis of the wobble is square to the turn, so that rotations do not commute; the axis
+        # of the tremor is any
         axes = rng.standard_normal((2, 3))
         axes[0] -= axes[0] @ turn * np.asarray(turn) / max(np.dot(turn, turn), 1e-12)
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -130,8 +131,8 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
 def knock(n, dt, size, rng):
     """Return a knock of `n` samples, a Piece: a decaying 15 Hz burst with a little rocking.
 
-    `dt` is the time between samples, s, `size` the amplitude, m/s^2, and `rng` the source of its
-    direction.
+    `dt` is the time between samples, s, `size` the amplitude of the burst, m/s^2, and `rng` the
+    source of the directions, a numpy Generator.
     """
     t = dt * np.arange(n)
     burst = np.exp(-t / 0.06) * np.sin(2 * np.pi * 15 * t)
@@ -155,7 +156,7 @@ def hum(n, dt, rms, frequency, rng):
 def chain(pieces, up, gravity, rate):
     """Return the Motion of consecutive pieces; `up` is the upward body axis at the start, (3,).
 
-    Takes local gravity, m/s^2, and the rate, Hz.
+    Takes local gravity, m/s^2, and the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0

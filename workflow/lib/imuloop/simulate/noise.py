@@ -1,4 +1,4 @@
-"""Noise of known coefficients: each process made from its definition, not from its Allan curve.
+"""Noise of known coefficients: each process follows its definition, not its Allan curve.
 
 Each function makes `n` samples, `dt` s apart.
 """
@@ -10,7 +10,8 @@ from scipy.fft import irfft, next_fast_len
 def white(n, dt, N, rng):
     """Return white noise of density `N`, SI/√Hz, SI, (n,).
 
-    It is band-limited at half the rate: its standard deviation is N/√Δt, with Δt = `dt`, s.
+    The samples are `dt` = Δt apart, s. N² is the two-sided density, and the band ends at half the
+    sampling rate, so the standard deviation of a sample is N/√Δt.
     """
     return N / np.sqrt(dt) * rng.standard_normal(n)
 
@@ -18,9 +19,9 @@ def white(n, dt, N, rng):
 def quantisation(n, dt, Q, rng):
     """Return quantisation noise of the coefficient `Q`, SI·s, at n samples `dt` apart, s, SI, (n,).
 
-    It is the rate of an integrated signal that was read with white errors q of standard deviation
-    Q: ``x_k = (q_{k+1} - q_k)/Δt``, blue noise; IEEE Std 952-1997, C.1.2. Rounding of the logged
-    value itself is another process, which is not part of it.
+    It is the error of the rate of an integrated signal that is read with white errors q of standard
+    deviation Q: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE Std 952-1997, C.1.2). The rounding of the logged
+    value itself is another process, which is not included.
     """
     return np.diff(Q * rng.standard_normal(n + 1)) / dt
 
@@ -28,12 +29,11 @@ def quantisation(n, dt, Q, rng):
 def flicker(n, dt, B, rng):
     """Return flicker noise of bias instability `B`, SI, at n samples `dt` apart, s, SI, (n,).
 
-    It is made by spectral synthesis.
-
     The two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
-    variance ``(2 ln 2/π) B²``. Each frequency has an independent Gaussian cosine and sine of
-    variance ``S Δf``; twice the length is made and half kept, so that start and end of the record
-    are not tied together, and the lowest frequency is half of the record's.
+    variance is ``(2 ln 2/π) B²``. The noise is a sum of an independent Gaussian cosine and sine, of
+    variance ``B²/(πf) Δf``, at each frequency f, in steps of Δf. The sum is periodic, so it is
+    computed for twice the length and cut in half: start and end of the result are then not equal,
+    and its lowest frequency is half that of its length.
 
     References
     ----------
@@ -50,7 +50,7 @@ def flicker(n, dt, B, rng):
 def walk(n, dt, K, rng):
     """Return a random walk from zero at n samples `dt` apart, s, SI, (n,).
 
-    Its steps have the standard deviation `K` √Δt, with K in SI/√s.
+    The steps of the walk have the standard deviation `K` √Δt, with Δt = `dt` and K in SI/√s.
     """
     return np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n))
 
@@ -63,7 +63,8 @@ def ramp(n, dt, R):
 def steps(n, dt, size, times):
     """Return a bias, SI, (n,), at n samples `dt` apart, s, that jumps at each of `times`, s.
 
-    It jumps from zero to `size`, SI, at the first time, back to zero at the second, and so on.
+    The bias jumps from zero to `size`, SI, at the first time, back to zero at the second, and so
+    on.
     """
     return size * (np.searchsorted(np.sort(times), dt * np.arange(n), side="right") % 2)
 
@@ -75,8 +76,9 @@ PROCESSES = {"N": white, "Q": quantisation, "B": flicker, "K": walk}
 def axis_noise(n, dt, noise, axis, seed):
     """Return the sum of all processes of one axis, SI, (n,).
 
-    `noise` is the `Noise` of a sensor, `axis` the number of the axis. Each process draws from its
-    own child of the SeedSequence `seed`, so that one process does not change another.
+    There are `n` samples, `dt` s apart. `noise` is the `Noise` of a sensor, `axis` the number of
+    the axis. Each process draws from its own child of the SeedSequence `seed`, so that one process
+    does not change another.
     """
     total = ramp(n, dt, noise.R[axis])
     for (name, process), child in zip(PROCESSES.items(), seed.spawn(4), strict=True):

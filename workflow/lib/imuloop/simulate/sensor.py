@@ -27,10 +27,11 @@ def output(truth, x, channels):
 
 
 def logged(truth, u, bias, dt, seed):
-    """Return the logged values ``raw = (u + noise)/K + b``, rounded to the step, (n, 3).
+    """Return the logged values ``raw = (u + noise)/K + b``, rounded to a step, raw units, (n, 3).
 
-    Takes a SensorTruth, the output u before noise, SI, (n, 3), the bias of this power cycle, raw
-    units, (3,), the time step dt, s, and a SeedSequence.
+    Takes a SensorTruth, which has the scale factors K, the noise and the step, the output u before
+    noise, SI, (n, 3), the bias b of this power cycle, raw units, (3,), the time step dt, s, and the
+    seed of the noise, a SeedSequence.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):
@@ -48,7 +49,7 @@ def lagged(x, dt, tc):
     """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to a signal x, (n,).
 
     y starts at the first value of x. The result is exact if x is linear between its samples, which
-    are `dt` s apart. If `tc` is 0, it is x.
+    are `dt` s apart. If the time constant `tc`, s, is 0, the result is x.
     """
     if not tc:
         return x

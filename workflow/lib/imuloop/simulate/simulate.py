@@ -22,7 +22,9 @@ from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 def _seeds(truth, session, seed):
     """Return the seeds of the motion, both sensors and the thermometer, a list of SeedSequence.
 
-    They differ between sessions, and between devices, that have the same number `seed`.
+    Sessions and devices with the same number `seed` have different seeds. If `seed` is None, the
+    number is that of the session. `truth` is a Truth, and `session` the name of one of its
+    sessions.
     """
     number = truth.sessions[session].seed if seed is None else seed
     name_hash = zlib.crc32(f"{truth.name}/{session}".encode())
@@ -32,8 +34,9 @@ def _seeds(truth, session, seed):
 def true_motion(truth, session, seed=None):
     """Return the true Motion of a simulated session: attitude, rate and force at each sample.
 
-    It is the motion of the log of the same `truth`, a Truth, name of the `session` and `seed`,
-    which replaces the seed of the session if given.
+    `truth` is a Truth, `session` the name of one of its sessions, and `seed`, if given, replaces
+    the seed of this session. `simulate_session` with the same arguments gives the log of this
+    motion.
     """
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
@@ -107,7 +110,7 @@ def write_log(path, log, metadata):
 
 
 def log_metadata(truth, session):
-    """Return the metadata of a log of a Truth, a dict: names, kind and units, but no effects."""
+    """Return the metadata of the log of a session of a Truth, a dict: names, kind and units."""
     units = {
         "acceleration": truth.accelerometer.raw_unit,
         "angular_rate": truth.gyroscope.raw_unit,

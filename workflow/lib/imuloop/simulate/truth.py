@@ -18,7 +18,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Popcorn:
-    """The bias jumps by `size` per axis, SI, at each of `times`, s, there and back."""
+    """Jumps of the bias at `times`, s: by `size`, (3,), SI, then back to zero, and so on."""
 
     size: tuple
     times: tuple
@@ -53,9 +53,9 @@ class SensorTruth:
     noise: Noise = Noise()
     # step to which the logged value is rounded, raw units; 0 for none
     step: float = 0.0
-    # effects of the library that the base model lacks
+    # effects of the library, whose sum is part of e
     effects: tuple[FittedEffect, ...] = ()
-    # an effect outside the library: takes `Channels`, returns (n, 3), SI
+    # an effect outside the library, added to e: function that takes Channels, returns (n, 3), SI
     extra: Callable | None = None
 
 
@@ -76,9 +76,9 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Vibration:
-    """A motor under the table that runs during some of the poses, along another axis in each."""
+    """A motor under the table that runs during some poses, along another axis in each of them."""
 
-    # part of the poses during which it runs; never the first
+    # share of the poses during which the motor runs; it never runs during the first pose
     share: float
     # smallest and largest acceleration, root mean square, m/s^2, and frequency, Hz
     rms: tuple
@@ -106,12 +106,12 @@ class SessionTruth:
     seed: int = 0
     # upward direction on body axes, static or before the first pose; six faces begin with z up
     up: tuple = (0.0, 0.0, 1.0)
-    # of a static session: length, s, and what happens, in order of time
+    # of a static session: length, s, and disturbances in order of time
     duration_s: float = 7200.0
     disturbances: tuple[Disturbance, ...] = ()
-    # first rest of the other kinds, s
+    # length of the first rest in sessions of the other kinds, s
     initial_rest_s: float = 50.0
-    # poses after the first rest (multi_position), rounds over the six faces (six_position)
+    # number of poses after the first rest (multi_position); of rounds over six faces (six_position)
     poses: int = 40
     repeats: int = 1
     # placement error of a face, standard deviation about each level axis, degrees
@@ -119,28 +119,30 @@ class SessionTruth:
     # shortest and longest rest and move, s
     rest_s: tuple = (3.0, 6.0)
     move_s: tuple = (1.0, 2.5)
-    # poses that are turned slowly about the vertical, unseen by the accelerometer, held again
+    # number of poses in which the device is turned slowly about the vertical, which the
+    # accelerometer does not see, and rests again
     turns_about_vertical: int = 0
-    # of the poses (multi_position)
+    # motor that runs during some poses (multi_position)
     vibration: Vibration | None = None
-    # knots (s, degC) of the surroundings, linear between them; the log has no temperature without
+    # temperature of the surroundings as knots (s, degC), linear between them; if there are none,
+    # the log has no temperature
     temperature: tuple = ()
     # time constant with which the device follows its surroundings, s
     thermal_s: float = 0.0
-    # change of the bias in this power cycle per sensor, raw units
+    # change of the three biases in this power cycle, raw units, by name of the sensor
     turn_on: dict | None = None
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A simulated device: name in the logs' metadata, sensors, logs, m/s^2, Hz."""
+    """A simulated device."""
 
-    name: str
+    name: str  # name in the metadata of the logs
     accelerometer: SensorTruth
     gyroscope: SensorTruth
-    sessions: dict[str, SessionTruth]
-    gravity: float = STANDARD_GRAVITY
-    rate: float = 100.0
+    sessions: dict[str, SessionTruth]  # plan of each log by name
+    gravity: float = STANDARD_GRAVITY  # local gravity, m/s^2
+    rate: float = 100.0  # sampling rate, Hz
     thermometer: Thermometer = Thermometer()
 
 
@@ -161,8 +163,8 @@ def read_truth(path):
 def _sensor(noise, effects=(), **fields):
     """Return a SensorTruth from the keys of a sensor in a YAML file.
 
-    `noise` has a value per axis of each coefficient, `effects` the content of FittedEffects, and
-    `fields` T, K and b and the other fields of the SensorTruth.
+    `noise` is a dict with the values of each coefficient for the three axes. `effects` has a dict
+    for each FittedEffect. `fields` are T, K, b and other fields of the SensorTruth.
     """
     floats = {key: np.asarray(fields.pop(key), dtype=float) for key in "TKb"}
     coefficients = {key: tuple(map(float, value)) for key, value in noise.items()}

@@ -21,11 +21,11 @@ except ImportError:  # there are Pythons and processors without a wheel
 # version of the JSON file
 FORMAT = 1
 MODELS = ("raw", "base", "final")
-# poses of a block, so that a stretch has several rotations, and the fewest blocks
+# number of poses in a block, so that a stretch has several rotations, and the fewest blocks
 BLOCK, FEWEST = 5, 4
-# s of the rest before a stretch in which the filter settles, and of the rest after it
+# longest part of the first rest of a stretch, in which the filter settles, and of its last rest, s
 SETTLE = 30.0
-# of attitude.parquet, with their types
+# columns of attitude.parquet, with their types
 COLUMNS = {"session": object, "stretch": int, "block": int, "method": object, "model": object}
 COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 
@@ -33,9 +33,10 @@ COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 def validate_attitude(device, diagnosed, settings):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
-    The direction of gravity at a rest is the mean of the accelerometer there, calibrated by the
-    final model that did not see this rest. It is the same for all models. The gyroscope alone
-    starts from this direction; the filter starts from the accelerometer of each model.
+    The direction of gravity at a rest is the mean specific force, calibrated by the final model
+    that did not see this rest. All models are compared with this direction. Two methods carry the
+    direction along a stretch: the gyroscope alone, which starts from it, and a filter, which starts
+    from the accelerometer as each model calibrates it.
 
     Parameters
     ----------
@@ -91,12 +92,12 @@ def blocks(count, settings):
 
 
 def held_out_models(diagnosed, problem):
-    """Return the models of a device that do not see one block of poses, block by block.
+    """Return, for each block of poses, the models of a device that do not see this block.
 
     The models are: ``raw``, the nominal scale of the data sheet; ``base``, bias, scale factors and
     misalignments; ``final``, with effects too. The final model is the base model if no effect was
     added. Effects are searched only if all poses together show one. If the poses do not determine
-    the accelerometer, it keeps its calibration of the diagnosis.
+    the accelerometer, its calibration is that of the diagnosis.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def held_out_models(diagnosed, problem):
         base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
-        """Return the Calibration by a fit of effects to the poses outside the blocks `held_out`."""
+        """Return the Calibration by a fit, with effects, to the poses outside blocks `held_out`."""
         return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
     models, choices = [], Choices(problem)
@@ -185,7 +186,7 @@ def _summary(rows):
         model: {"rms_deg": float(np.sqrt((e**2).mean())), "p95_deg": float(np.quantile(e, 0.95))}
         for model, e in errors.items()
     }
-    # the interval of final over base, whose inverse is reported; its lower end may be zero
+    # the interval of the ratio final over base, whose inverse is reported; `low` may be zero
     low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final)
     return {
         "n": len(base),
@@ -215,7 +216,7 @@ def _rotation_floor(problem, solution):
 class Stretch:
     """A stretch of a log from a rest, through rotations and rests, to a rest.
 
-    `arrive` and `leave` are counted from the first sample of the stretch.
+    The indices `arrive` and `leave` are counted from the first sample of the stretch.
     """
 
     poses: np.ndarray  # (p,): indices of its poses
@@ -262,15 +263,16 @@ def angle(a, b):
 def rotation_errors(turns, f, stretch, u):
     """Return the error of gravity's direction that the gyroscope alone carries to the next rest.
 
-    From the last sample of a rest, at t₀, to the first sample of the next, at t, the direction is
-    ``u(t) = C(t)ᵀ C(t₀) u(t₀)``; the attitude C rotates from body axes to those at the start.
+    The last sample of a rest is at t₀, and the first sample of the next rest at t. The gyroscope
+    carries the direction u(t₀) to ``u(t) = C(t)ᵀ C(t₀) u(t₀)``, where the attitude C rotates from
+    body axes to those at the start of the stretch.
 
     Parameters
     ----------
     turns : ndarray, shape (k - 1, 3)
         Rotation vector of each step between the k samples of the stretch, rad.
     f : ndarray, shape (k, 3)
-        Specific force, m/s^2, which is not used.
+        Specific force, m/s^2. It is not used; a filter needs it in its place.
     stretch : Stretch
     u : ndarray, shape (p, 3)
         Direction of gravity at the p rests.
@@ -289,25 +291,28 @@ def rotation_errors(turns, f, stretch, u):
 def filter_errors(turns, f, stretch, u):
     """Return the error of gravity's direction by the filter VQF, as its users run it.
 
-    It has no magnetometer, and its parameters have their defaults, so it estimates the bias of the
-    gyroscope. Takes the rotation vector of each step, rad, (k - 1, 3), the specific force, m/s^2,
-    (k, 3), the Stretch, and the direction u at the p rests, (p, 3). Returns the angles at the first
-    and the last sample of each rest but the first, rad, (p - 1, 2).
+    The filter has no magnetometer, and its parameters have their defaults, so it also estimates the
+    bias of the gyroscope. Takes the rotation vector of each step, `turns`, rad, (k - 1, 3), the
+    specific force `f`, m/s^2, (k, 3), the Stretch, and the direction of gravity `u` at the p rests,
+    (p, 3). Returns the angle between u and the direction by the filter, rad, (p - 1, 2): at the
+    first and the last sample of each rest but the first.
 
     References
     ----------
     Laidig, Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and magnetic
     disturbance rejection", Information Fusion 91 (2023).
     """
-    # its step is constant: the rate that makes the whole turn in it, where stamps are late or lost
+    # the filter takes a constant step: where time stamps are late or lost, the rate is the one that
+    # makes the whole rotation in this step
     step = np.median(np.diff(stretch.t))
     rates, forces = np.ascontiguousarray(turns / step), np.ascontiguousarray(f[1:])
     q = VQF(step).updateBatch(rates, forces)["quat6D"]
     # the filter has no value for the first sample, where the first step starts
     ends = np.column_stack([stretch.arrive, stretch.leave])[1:] - 1
-    # q leads to axes whose third points up: up in the sensor's frame is Cᵀ e_z, the third row of C
+    # q rotates to axes of which the third points up, by the matrix C: the upward direction on the
+    # axes of the sensor is Cᵀ e_z, the third row of C
     return angle(matrix(q[ends])[..., 2, :], u[1:, None])
 
 
-# what carries gravity's direction, and its errors
+# what carries the direction of gravity, with the function that returns the errors
 METHODS = {"rotation": rotation_errors} | ({"filter": filter_errors} if VQF else {})

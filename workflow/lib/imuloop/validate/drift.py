@@ -31,7 +31,7 @@ class Change:
     change, sigmas : float
         The change, and its ratio to `std`.
     measured_std : float
-        Standard error of the change by the old calibration and the new log.
+        Standard error of the change by the errors of the old calibration and of the new log.
     std : float
         Standard error that also includes the scatter of a bias between power cycles.
     p_value, p_holm : float
@@ -128,11 +128,11 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     the angular rate at rest, and the direction of gravity after each turn. J is their Jacobian.
     Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of the noise
     and C the covariance of the old parameters. The change δ of the parameters that the log
-    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is
-    the difference to a new calibration, and its covariance is the sum of both covariances. The
-    scatter of a bias between power cycles adds to this covariance. Two families of tests share the
-    level: each parameter by itself, and a χ² test per sensor of all its parameters. The p-values of
-    each family are adjusted by Holm's method.
+    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is a
+    new calibration less the old one, and the covariance of δ is the sum of the covariances of both.
+    The scatter of a bias between power cycles adds to this covariance. Two families of tests share
+    the level: each parameter by itself, and a χ² test of all parameters of a sensor together. The
+    p-values of each family are adjusted by Holm's method.
 
     δ is the change of each parameter while all others may change too. A fit with the old
     calibration as prior would spread the change of one parameter over others that are correlated
@@ -147,9 +147,9 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     level : float
         Probability of a false alarm.
     turn_on : (float, float), optional
-        Standard deviation of the bias between power cycles, m/s^2 and rad/s. The
-        default is the standard deviation in the calibration's `turn_on_bias`, or `TURN_ON` if it
-        has none.
+        Standard deviation of the bias between power cycles, m/s^2 and rad/s. By default it follows
+        from the effect `turn_on_bias` of the calibration or, without this effect, is that of data
+        sheets, `TURN_ON`.
 
     Returns
     -------
@@ -201,8 +201,10 @@ def _test(log, turn_on, level):
     basis, scatter = np.hstack([test.basis for test in tests.values()]), np.zeros(len(old.x))
     for name in SENSORS:
         scatter[log.places(name, BIASES)] = np.square(turn_on[name])
-    # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
-    # hide the noise, as the derivative is not quite the same at the old and at the new parameters
+    # the log alone determines the change of a bias, so the scatter adds to the error of this
+    # change, below. In the covariance S of the residuals it would hide the noise, as the derivative
+    # is not quite the same at the old and at the new parameters; S has the scatter only in the
+    # directions that are not fitted, on which `hidden` projects
     hidden = np.eye(len(basis)) - basis @ basis.T
     change, measured, expected = log.fit_change(basis, old_covariance + hidden * scatter @ hidden)
     covariance = measured + basis.T * scatter @ basis

@@ -17,8 +17,8 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
     their derivatives with respect to the bias b and to all other parameters p, which are kept. The
     new bias minimises ``rᵀ S⁻¹ r``. Here ``S = Σ + J_p C_p J_pᵀ``, where Σ is the covariance of the
     noise of the new log and C_p the covariance of p. The covariance of the new bias is
-    ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, and its covariance with p is ``-C_b J_bᵀ S⁻¹ J_p C_p``. The old bias
-    has no weight. An effect on the bias, such as `bias_temperature`, is kept as it is.
+    ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, and the covariance of new bias and p ``-C_b J_bᵀ S⁻¹ J_p C_p``. The
+    old bias has no weight. An effect on the bias, such as `bias_temperature`, is kept as it is.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
     kept = dict(log.untestable)
     for name in log.factors.sensors:
         if not set(BIASES) <= set(log.testable(name).names):
-            kept[name] = f"the bias is not determined by {log.data(name)}"
+            kept[name] = f"the bias is not determined by {log.describe_data(name)}"
             if name == "accelerometer":
                 kept[name] += "; it takes three or more in different directions"
     updated = [name for name in SENSORS if name not in kept]

@@ -22,9 +22,9 @@ WORST = 10.0
 BIASES = ("b0", "b1", "b2")
 # angle between two attitudes, rad
 APART = 0.35
-# level at which a misfit of the new log widens the errors
+# p-value of the fit of the new log below which its noise is enlarged
 MISFIT = 0.01
-# degrees of freedom below which nothing is left to judge a misfit by
+# degrees of freedom below which a misfit cannot be judged
 LEAST_DOF = 0.5
 
 
@@ -63,8 +63,8 @@ class NewLog:
     gravity : float, optional
         Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
     turns : bool
-        Whether turns count. They do not where misalignment and scale factor of a sensor were not
-        estimated, as the direction of gravity is not known.
+        Whether turns count. They also need estimated scale factors of both sensors; without these,
+        the direction of gravity after a turn cannot be predicted.
 
     Attributes
     ----------
@@ -72,10 +72,12 @@ class NewLog:
         State of the old calibration, and its covariance, (p, p).
     untestable : dict of str to str
         By sensor, why it has no residuals.
+    noise_model : NoiseModel
+        The argument `noise`; the attribute `noise` is the covariance of the residuals.
     factors : Factors
-        The residuals of the other sensors.
-    kinds : ndarray, ndarray
-        Kind of each residual, and its sensor, (n,) of str.
+        The factors that give the residuals of the sensors that are not in `untestable`.
+    kinds, owners : ndarray, shape (n,)
+        Kind of each residual, and name of the sensor that it is of, str.
     """
 
     def __init__(self, calibration, recording, noise, gravity=None, turns=True):
@@ -83,7 +85,7 @@ class NewLog:
         if not (turns and all("K0" in getattr(calibration, sensor).names for sensor in SENSORS)):
             none = np.zeros(len(recording.rotations), dtype=bool)
             recording = replace(recording, rotations=recording.rotations.select(none))
-        self.recording, self.model = recording.of_new_power_cycles(), noise
+        self.recording, self.noise_model = recording.of_new_power_cycles(), noise
         self.calibration, self.prior = calibration, state_of(calibration)
         reasons = {s: recording.poses.unknown_noise(noise, SENSORS[s]) for s in SENSORS}
         for sensor in SENSORS:
@@ -92,21 +94,24 @@ class NewLog:
         self.untestable = {sensor: why for sensor, why in reasons.items() if why}
         tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
         self.factors = Factors(gravity or calibration.gravity, tested)
-        owners = self.factors.owners(self.recording)
-        self.kinds = self.factors.rows(self.recording)[1], owners
+        self.owners = self.factors.owners(self.recording)
+        self.kinds = self.factors.rows(self.recording)[1]
 
     @cached_property
     def noise(self):
-        """Covariance of the residuals, (n, n), with the reduced χ² that the calibration had."""
-        size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.kinds[1]])
-        return self.unchanged.noise.by(self.model) * np.outer(size, size)
+        """Covariance of the n residuals by the noise, times the excess of the old fit, (n, n).
+
+        The excess is the reduced χ² that the old calibration of a sensor had, at least one.
+        """
+        size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.owners])
+        return self.unchanged.noise.by(self.noise_model) * np.outer(size, size)
 
     @cached_property
     def unchanged(self):
         """The Linearised factors, residuals and their Jacobian, with the old parameters."""
-        return self.about(0.0)
+        return self.linearised_about(0.0)
 
-    def about(self, change):
+    def linearised_about(self, change):
         """Return the Linearised factors, residuals and Jacobian, at changed old parameters.
 
         `change` is an array of SI values, (p,), or a number for all parameters.
@@ -118,22 +123,23 @@ class NewLog:
         """Return the indices of parameters of a sensor, given by name, in the state, a list."""
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
-    def data(self, sensor):
-        """Return words for the data of a sensor in the log: rests, and attitudes or turns."""
+    def describe_data(self, sensor):
+        """Return a text with the numbers of rests, and of attitudes or turns, of a sensor."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
-        turns = np.count_nonzero(self.kinds[0] == "rotation") // KINDS["rotation"][1]
+        # a turn has several residuals
+        turns = np.count_nonzero(self.kinds == "rotation") // KINDS["rotation"][1]
         return f"{rests} and {turns} turn(s) between them"
 
     def testable(self, sensor):
-        """Return the Testable changes of a sensor, by its own residuals.
+        """Return the Testable changes of a sensor, given by its name, by its own residuals.
 
         Groups of parameters are added in order: the bias, the scale factors, the misalignments, and
-        each effect. A group is left out if the log does not determine it with those before it; it
-        then keeps the values and errors of the calibration.
+        each effect. A group is left out if the log does not determine it together with the groups
+        before; its parameters keep the values and errors of the calibration.
         """
-        (old, covariance), of_sensor = self.prior, self.kinds[1] == sensor
+        (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
         # derivative of the residuals, in standard deviations of their noise
         whitened = solve_triangular(root, self.unchanged.jacobian[of_sensor], lower=True)
@@ -145,13 +151,13 @@ class NewLog:
         for group in filter(None, groups.values()):
             tried, new = (self.places(sensor, names) for names in ([*determined, *group], group))
             worst = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
-            # more than the bias needs one residual more than there are parameters
+            # the bias needs as many residuals as parameters, all further groups one more
             enough = len(whitened) >= len(tried) + bool(determined)
             if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= worst):
                 determined += group
             else:
                 missed += group
-        why = f"not determined by {self.data(sensor)}" if missed else None
+        why = f"not determined by {self.describe_data(sensor)}" if missed else None
         basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
         if not determined:
             # the log does not determine the whole bias: only some directions of it
@@ -183,7 +189,7 @@ class NewLog:
 
         def linearise(change):
             """Return residuals, and their derivative with respect to the change, (q,)."""
-            factors = self.about(basis @ change)
+            factors = self.linearised_about(basis @ change)
             return SimpleNamespace(residual=factors.residual, jacobian=factors.jacobian @ basis)
 
         jacobian = self.unchanged.jacobian
@@ -191,7 +197,7 @@ class NewLog:
         by_prior, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
         start = fit(linearise, np.zeros(basis.shape[1]), self.noise + by_prior).x
         at_start = linearise(start)
-        groups = [self.kinds[1] == sensor for sensor in self.factors.sensors]
+        groups = [self.owners == sensor for sensor in self.factors.sensors]
         squares, _ = chi_square(at_start.residual, self.noise + by_prior, at_start.jacobian, groups)
         for of_sensor, (square, dof) in zip(groups, squares, strict=True):
             if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
@@ -203,12 +209,13 @@ class NewLog:
     def sizes(self, sensor, expected):
         """Return the sizes of a sensor's residuals with the old parameters, a dict by kind.
 
-        They are the root mean square, ``rms``, and the value that the covariance `expected`, (n,
-        n), predicts, ``floor``, SI, with their ``unit`` and the number ``n`` of residuals.
+        For each kind the result has the root mean square of the residuals, ``rms``, and the value
+        that the covariance `expected`, (n, n), predicts, ``floor``, both in SI, with their ``unit``
+        and the number ``n`` of residuals.
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
-            of_kind = squares[:, self.kinds[0] == kind]
+            of_kind = squares[:, self.kinds == kind]
             if of_kind.size:
                 rms, floor = np.sqrt(of_kind.mean(axis=1)).tolist()
                 result[kind] = {
@@ -221,7 +228,7 @@ class NewLog:
 
 
 def _errors(whitened):
-    """Return the standard errors of q parameters, (q,), nan if the data do not determine them.
+    """Return the standard errors of q parameters, (q,), all nan if the data do not determine them.
 
     `whitened`, (n, q), is the derivative of residuals whose noise is independent with variance 1.
     """
