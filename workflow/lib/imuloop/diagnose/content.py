@@ -13,8 +13,9 @@ from imuloop.model.effect import Effect
 def candidates(sensor, record, channels):
     """Return the variants to try on a sensor, and the effects that are not tried.
 
-    A variant is an effect with values of its constants, such as a time constant. Effects that only
-    motion shows are in neither result.
+    A variant is an effect with values of its constants, such as a time constant. Effects that this
+    kind of record does not show are in neither result, unless the effect itself says why rests
+    cannot show it (`unobservable`).
 
     Parameters
     ----------
@@ -232,15 +233,15 @@ def _status(choices, base, trial):
 def _by_slow_noise(search, base, trial):
     """Return whether a trial fails only because of noise that is slower than was estimated.
 
-    It fails under all noise hypotheses, the covariances that the noise may have, together, but
-    would pass under those without more slow noise than was estimated. `search` is the Search of all
-    data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
+    The trial fails under all noise hypotheses, the covariances that the noise may have, together,
+    but would pass under those without more slow noise than was estimated. `search` is the Search of
+    all data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
     """
     if trial.log_p < search.threshold(len(base)):
         return False
     mask = search.training_fit(base).evidence.as_estimated_mask
     (as_estimated,) = search.tests(base, (trial.effect,), mask)
-    return bool(as_estimated and as_estimated.log_p + trial.tries < search.threshold(len(base)))
+    return bool(as_estimated and as_estimated.log_p + trial.log_tries < search.threshold(len(base)))
 
 
 def size_of(problem, kind, errors):

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
-from imuloop.estimate.joint_fit import with_prior
+from imuloop.estimate.joint_fit import append_prior
 from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
@@ -85,9 +85,9 @@ class PoseProblem:
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
     fold_of_pose: np.ndarray
     nuisance_effects: tuple = ()  # effects that other records showed; every fit estimates them
-    # StaticResult of the static records; its `information` takes effects and returns the Fisher
-    # information about θ, their parameters: A and b, the logarithm of whose likelihood is
-    # ``-θᵀ A θ/2 + bᵀ θ``. None if no static record counts
+    # StaticResult of the static records; None if no static record counts. The method `information`
+    # takes effects and returns the Fisher information A and the moment b of their parameters θ: the
+    # logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``
     static: object = None
     # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
@@ -165,7 +165,8 @@ class PoseProblem:
         """Return the residuals of all rows, (N, 1), by a fit of effects to the training rows.
 
         `search` is the Search that has these training rows. Held-out rows next to a step are nan:
-        the training rows tell the time of a step only to within two of their poses.
+        from the training poses, the step may be anywhere between the last one before it and the
+        first one after it.
         """
         residuals = search.training_fit(effects).residuals(effects, 0)
         for effect in effects:
@@ -230,7 +231,7 @@ class PoseProblem:
         prior = self.prior(all_effects)
         solution = self.joint_fit.fit(self.recording, all_effects, start, prior)
         factors = self.joint_fit.linearise(solution, self.recording)
-        values, jacobian = with_prior(factors, solution.x, prior)
+        values, jacobian = append_prior(factors, solution.x, prior)
         fixed, slow, excess = self.joint_fit.noise_components(factors, len(prior[1]))
         likelihood = SizeLikelihood(jacobian, fixed, [*slow, *excess])
         likeliest = likelihood.maximise(values)
@@ -238,6 +239,7 @@ class PoseProblem:
         # the nuisance parameters are all parameters of the fit without `effects`
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         group = RowGroup(
+            # a change dx of the parameters makes the residuals r + J dx: J dx is fitted to -r
             values=-values[:, None],
             nuisance=jacobian[:, :nuisances],
             noise=hypotheses,
@@ -246,7 +248,7 @@ class PoseProblem:
         fitted_patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
         def designs(variants):
-            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
+            """Return for each variant the derivative of all rows by its q parameters, (N, 1, q)."""
             new = [variant for variant in variants if variant not in fitted_patterns]
             patterns = fitted_patterns | self.patterns(new)
             return [patterns[variant] for variant in variants]
@@ -275,7 +277,7 @@ class PoseProblem:
     refit = linearization
 
     def patterns(self, effects):
-        """Return the derivatives of all N rows by the q parameters of effects, (N, 1, q) each.
+        """Return for each effect the derivative of all N rows by its q parameters, (N, 1, q).
 
         The result is a dict by effect. The derivatives are taken at the fit without effects, and
         stored. The rows of the prior are the last ones.
@@ -352,6 +354,7 @@ class PoseProblem:
         # columns of length one: parameters have different units
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
+        # the prior of the logarithms of constants, which come after the p parameters of the fit
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= p))
         probable, of_prior = fit.probability > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(probable):
@@ -366,11 +369,11 @@ class PoseProblem:
         return covariance[:p, :p]
 
     def _constant_derivatives(self, effects, x):
-        """Return the derivatives of all rows by the logarithm of the constants, (N,) each, a list.
+        """Return derivatives of all rows with respect to the logarithm of constants, (N,) each.
 
-        There is one for each effect with a constant, such as a time constant, that a fit refines;
-        it is the difference quotient for a factor of 1.05. `x`, (p,), are the parameters of the fit
-        with these effects.
+        The list has one for each effect with a constant, such as a time constant, that the search
+        refines. It is the difference quotient for a factor of 1.05 on the constant. `x`, (p,), are
+        the parameters of the fit with these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
         parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
@@ -448,7 +451,8 @@ def interleaved_folds(count, folds):
     """Return the fold of each of `count` poses, (count,), with neighbours in different folds.
 
     So the poses before and after predict a held-out pose. If there are at most four `folds`, two
-    neighbours share a fold: else too few neighbours would remain without it and a second fold.
+    neighbours share a fold: else too few neighbours would remain when this fold and a second one
+    are held out.
     """
     folds = min(folds, count)
     return np.arange(count) // (1 if folds > 4 else 2) % folds

@@ -109,8 +109,8 @@ def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
     If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
-    itself. If the data of the accelerometer do, neither sensor gets a calibration, because the
-    gyroscope needs the directions of gravity.
+    itself. If the data of the accelerometer contradict each other, neither sensor gets a
+    calibration, because the gyroscope needs the directions of gravity.
 
     Parameters
     ----------
@@ -152,12 +152,14 @@ def diagnose_poses(problem, reasons):
         return result
     # the gyroscope is calibrated with the directions of gravity that the accelerometer shows
     if "accelerometer" in rejected or "accelerometer" not in sensors:
-        lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
-        return PoseResult(contents | lost, problem, rejected=rejected)
+        contents |= {sensor: not_testable(why) for sensor, why in rejected.items()}
+        return PoseResult(contents, problem, rejected=rejected)
     accelerometer = joint_fit.of_sensors(["accelerometer"])
-    alone = pose_problem(accelerometer, recording, problem.settings, problem.tests, problem.static)
-    again = diagnose_poses(alone, reasons | rejected)
-    return replace(again, rejected=rejected | again.rejected)
+    problem = pose_problem(
+        accelerometer, recording, problem.settings, problem.tests, problem.static
+    )
+    result = diagnose_poses(problem, reasons | rejected)
+    return replace(result, rejected=rejected | result.rejected)
 
 
 def too_few(recording):
@@ -182,8 +184,8 @@ def too_few(recording):
 def rejections(result):
     """Return the reasons, text by sensor, why the calibration of a sensor is rejected.
 
-    Its data contradict each other, or the sensor changed during the recording, and the effects that
-    were added do not explain this.
+    It is rejected if the data of the sensor contradict each other, or if the sensor changed during
+    the recording, and the effects that were added do not explain this. `result` is a PoseResult.
     """
     rejected, recording = {}, result.problem.recording
     if result.solution is not None:

@@ -35,7 +35,7 @@ class PoseResult:
     solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
     choices: Choices | None = None  # the searches; None if nothing could be tested
-    # columns of residuals as in `residual_columns`; empty if nothing could be tested
+    # columns of residuals for poses.parquet or moves.parquet; empty if nothing could be tested
     residuals: dict = field(default_factory=dict)
     # reason why the calibration of a sensor is rejected, by sensor
     rejected: dict = field(default_factory=dict)
@@ -53,9 +53,9 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
-        Takes the name of a sensor; returns the Products, effects without a known cause, to try if
-        its residuals are above the floor, the errors that noise alone gives, with all other
-        effects.
+        Takes the name of a sensor and returns the Products to try, effects without a known cause.
+        They are tried if the residuals of the sensor, with all other effects in the model, are
+        above the floor, the errors that noise alone gives.
 
     Returns
     -------
@@ -140,7 +140,9 @@ def judge_sensors(choices, sensors, kinds, errors):
     errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
-    pair = compare_rows(problem, before, kinds, errors[0])[1] if has_effects else comparisons
+    comparisons = comparisons, comparisons
+    if has_effects:
+        comparisons = compare_rows(problem, before, kinds, errors[0])[1], comparisons[1]
     # the floor is the mean over the alternatives of the noise in the fit with effects
     floors = [
         np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))[:, None]
@@ -148,7 +150,7 @@ def judge_sensors(choices, sensors, kinds, errors):
     ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
-    content = residuals_content(problem, kinds, (pair, comparisons), errors, floor, has_effects)
+    content = residuals_content(problem, kinds, comparisons, errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
         rows = problem.of_kind(kind)
         sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
@@ -159,11 +161,11 @@ def judge_sensors(choices, sensors, kinds, errors):
             entry[f"in_sample_{when}"] = size_of(problem, kind, in_sample)
     if "rotation" in kinds:
         entry = content["residuals"]["rotation"]
-        entry |= undersampled(problem, after, entry["floor"])
+        entry |= undersampling_error(problem, after, entry["floor"])
     significance = problem.settings.residual_significance
     content["slow_noise"] = content["verdict"] not in LEFT and any(
         comparison.p_value_as_estimated < significance
-        for kind, comparison in zip(kinds, comparisons, strict=True)
+        for kind, comparison in zip(kinds, comparisons[1], strict=True)
         # turns that were sampled too slowly have their own error, which is not slow noise
         if kind != "rotation" or not problem.recording.rotations.aliased.any()
     )
@@ -210,7 +212,7 @@ def compare_rows(problem, linearization, kinds, errors):
     return compare_with_noise([group], log_prior)
 
 
-def undersampled(problem, linearization, floor):
+def undersampling_error(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
     Both errors come from the noise as estimated.
@@ -221,8 +223,8 @@ def undersampled(problem, linearization, floor):
     linearization : Linearization
         The fit of all poses.
     floor : float
-        Held-out error of the rotations that the noise alone gives, rad. It limits both errors
-        together.
+        Held-out error of the rotations that the noise alone gives, rad. Both errors together
+        are not larger than this floor.
 
     Returns
     -------

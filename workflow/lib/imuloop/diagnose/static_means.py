@@ -27,8 +27,8 @@ from imuloop.factors.factors import OWN
 from imuloop.model.effect import Channels
 from imuloop.noise.records import RecordedSession
 
-# s; least length of a rest in another session that replaces a static session: the poses show all
-# effects better than a shorter one
+# s; least length of a rest that serves as a static record if there is no static session: poses show
+# all effects better than a shorter rest
 LONG_REST = 600.0
 # least and most windows of a record: the window length is changed to keep their number between.
 # The upper limit is there because a covariance of n means has n² entries
@@ -124,12 +124,12 @@ def read_static(sessions):
 
 
 def rests_to_use(kinds, segments):
-    """Return the segments that are the static records of a device, by session.
+    """Return the segments that serve as static records of a device, by session.
 
-    They are all segments of the static sessions in which the device did not move. Without such a
-    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` has
-    the kind and `segments` the table of segments of each session; the result has the `COLUMNS` of
-    the segments of each session that is used.
+    If there are static sessions that have a rest and no segment of motion, the result has all
+    segments of these sessions. Otherwise it has the longest rest of any session, if that rest lasts
+    `LONG_REST`; otherwise it is empty. `kinds` has the kind and `segments` the table of segments of
+    each session; the result has the `COLUMNS` of the segments of each session that is used.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [

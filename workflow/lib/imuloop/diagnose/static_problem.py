@@ -11,7 +11,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.steps import BESIDE, best_steps
 from imuloop.effects.steps import Steps
-from imuloop.estimate.axis_fit import combined_axes
+from imuloop.estimate.axis_fit import combine_axes
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.search import Search
 from imuloop.estimate.training_fit import ABSORBED
@@ -57,8 +57,8 @@ class StaticProblem:
         """Fold of each row, (N,).
 
         A fold is one stretch of time in each record; all folds of a record have equal time at rest.
-        It is at a different place in each record, so that the start of one record is predicted from
-        the starts of the others.
+        A fold is at a different place in each record, so that the start of one record is predicted
+        from the starts of the others.
         """
         folds = []
         for i, record in enumerate(self.records):
@@ -197,7 +197,7 @@ def fitted_effects(search, effects):
             return None
         estimates.append((index, coefficients / scale, covariance / np.outer(scale, scale)))
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-    values, covariance = combined_axes(ends[-1], estimates)
+    values, covariance = combine_axes(ends[-1], estimates)
     std, fitted = np.sqrt(np.diag(covariance)), []
     for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
         by_name, std_by_name = (
@@ -275,7 +275,7 @@ def cut_at_tilts(records, least):
         settings=DiagnoseSettings(significance=MOVED),
         tests=len(steps),
     )
-    # the most significant step is added, then the next, until none is
+    # the most significant step is added, then the next, until no further step is significant
     search, significant = Search(problem, held_out=frozenset()), ()
     while True:
         trials = search.tests(significant, [s for s in steps if s not in significant])

@@ -33,10 +33,11 @@ class Hypotheses:
             log_det.append(2 * np.log(np.diag(root)).sum())
         return cls(np.array(inverses), np.array(log_det))
 
-    def mean(self, weights):
+    def weighted_sum(self, weights):
         """Return the weighted sum, (n, n), of the h covariances; `weights` has the shape (h,).
 
-        A covariance with a negligible weight is skipped, as each has to be inverted again.
+        Only the inverses are stored, so each covariance is recomputed; those with a negligible
+        weight are skipped.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -85,15 +86,18 @@ class Evidence:
 
     row_groups: list[RowGroup]
     log_prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
-    # takes effects; returns for each the derivative of all rows by its parameters, (N, a, q)
+    # takes effects; returns for each the derivative of all rows with respect to its q parameters,
+    # (N, a, q)
     designs: Callable
     # smallest factor on the variance of a hypothesis: 1 if the size of the noise is known
     least_scale: float = 0.0
     # (h,) of bool: the hypotheses that estimates of parameters may use; default: all
     estimation_mask: np.ndarray | None = None
-    # (h,) of bool: the hypotheses without more slow noise than was estimated; default: as above
+    # (h,) of bool: the hypotheses without more slow noise than was estimated; default: the
+    # hypotheses of `estimation_mask`
     as_estimated_mask: np.ndarray | None = None
-    # index of the hypothesis for the nuisance parameters; default: the parameters' hypothesis
+    # index of the hypothesis by which the nuisance parameters are estimated; default: the one by
+    # which the parameters of effects are
     nuisance_index: int | None = None
 
     def __post_init__(self):
@@ -117,9 +121,9 @@ class Evidence:
     def add_columns(self, vectors):
         """Store k columns, the array `vectors`, (k, N), and return their numbers, a tuple of int.
 
-        A column is the derivative of the N rows (scalar residuals) by one parameter, or the
-        residuals themselves. Its product with the precision of each group of rows is stored, too. A
-        column that is stored already keeps its number.
+        A column is the derivative of the N rows (scalar residuals) with respect to one parameter,
+        or the residuals themselves. The product of each column with the precision of each group of
+        rows is stored, too. A column that is stored already keeps its number.
         """
         new, numbers = [], []
         for vector in vectors:
@@ -141,7 +145,7 @@ class Evidence:
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return the product of the precision of row group i and its part of k columns, (h, k, n).
+        """Return the products of the precision of row group i and k columns there, (h, k, n).
 
         The group has n rows, and a precision (inverse covariance) for each of h noise hypotheses.
         `numbers` are the numbers of the columns.
@@ -181,12 +185,14 @@ class Evidence:
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def parameters_of(self, effects, axis):
-        """Return to which parameters the columns of some effects on one axis, an index, belong.
+        """Return the parameters that the columns of some effects on one axis belong to.
+
+        `axis` is the index of the axis, on which the effects have k columns.
 
         Returns
         -------
         ndarray, shape (k,) of int
-            For each of their k columns the index of its parameter in the list of all parameters of
+            For each column the index of its parameter in the list of all parameters of
             `effects`.
         ndarray, shape (k,)
             The norm that each column was divided by: its coefficient is the parameter times this.
@@ -219,7 +225,8 @@ class Evidence:
         """Return the variance of the held-out error of each row, (N,), by the noise alone.
 
         Each fold is predicted by a fit of the nuisance parameters, without effects, to the other
-        rows. `hypothesis` is the index of the noise hypothesis for the covariance and the weights.
+        rows. `hypothesis` is the index of the noise hypothesis, from which both the covariance of
+        the noise and the weights of the fits come.
         """
         if hypothesis not in self._variances:
             variances = []

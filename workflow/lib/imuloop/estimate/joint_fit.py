@@ -45,7 +45,8 @@ class JointFit:
         into the calibrations.
     known : (ndarray, ndarray)
         Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
-        independent components of variance one. It includes `prior`, and turns by known angles.
+        independent components of variance one. These rows include `prior` and the turns by known
+        angles.
     method : str
         Kind of the sessions that were recorded; it is written into the calibrations.
     """
@@ -58,7 +59,7 @@ class JointFit:
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
-    # of the Factors: names of the estimated sensors, kinds of residuals that count, and a function
+    # from `factors`: names of the estimated sensors, kinds of residuals that count, and a function
     # that takes a recording and returns the rests and the kind of each of its residuals
     estimated = property(attrgetter("factors.sensors"))
     kinds = property(attrgetter("factors.kinds"))
@@ -79,7 +80,7 @@ class JointFit:
         The state x, (p,), has the 21 parameters of both sensors and then the parameters of
         `effects`, a sequence of SensorEffect.
         """
-        return self.factors.about(recording, State(x, tuple(effects)))
+        return self.factors.linearised_about(recording, State(x, tuple(effects)))
 
     def linearise(self, solution, recording):
         """Return the residuals of a recording and their Jacobian at the estimates of a Fit.
@@ -100,8 +101,8 @@ class JointFit:
             Covariance by the noise of known size.
         list of Component
             Flicker and random walk of each channel whose size the noise model gives with a standard
-            error; both are the prior of the size. Then the error of rotations that were sampled too
-            slowly.
+            error: this value and its error are the prior of the size. The last component, if there
+            are such rotations, is the error of rotations that were sampled too slowly.
         list of Component
             For each kind of residual an excess, independent noise of unknown size: errors that the
             model lacks, and the motion of a hand, which do not average out over a rest.
@@ -173,13 +174,13 @@ class JointFit:
         R, z = self.known if prior is None else prior
         R = np.pad(R, ((0, 0), (0, p - R.shape[1])))
         # the weights and the effects' derivatives depend on the calibrated output, which the start
-        # gives to about 1 %
+        # gives to about 1 %: so the fit is repeated, twice at most, or once from an earlier fit
         for _ in range(3 if start is None else 2):
             measured = self.measure(x, recording, effects)
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
-            values, jacobian = with_prior(linearised, x, (R, z))
+            values, jacobian = append_prior(linearised, x, (R, z))
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
@@ -189,7 +190,7 @@ class JointFit:
                 break
         # χ² uses the covariance of the noise model, without the excess
         owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
-        owners, (values, jacobian) = np.unique(owner[:n]), with_prior(measured.at(x), x, (R, z))
+        owners, (values, jacobian) = np.unique(owner[:n]), append_prior(measured.at(x), x, (R, z))
         squares, _ = chi_square(values, estimated, jacobian, [owner == name for name in owners])
         reduced = (chi2 / dof if dof > 0 else None for chi2, dof in squares)
         reduced = dict(zip(owners.tolist(), reduced, strict=True))
@@ -223,8 +224,8 @@ class JointFit:
         return calibrations
 
 
-def with_prior(linearised, x, prior):
-    """Return residuals, (N,), and their Jacobian, (N, p), of a recording and then of a prior.
+def append_prior(linearised, x, prior):
+    """Return the N residuals, (N,), of a recording and then of a prior, and their Jacobian, (N, p).
 
     `linearised` has the residuals and the Jacobian of the recording at the parameters x, (p,). The
     prior, R, (k, p), and z, (k,), has the residuals ``R x - z``.

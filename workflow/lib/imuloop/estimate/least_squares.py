@@ -146,8 +146,8 @@ def chi_square(values, covariance, jacobian, groups):
     -------
     list of (float, float)
         χ² and degrees of freedom of each group. Its degrees of freedom are its number of residuals
-        minus its share of the parameters, the trace of its block of ``J C Jᵀ Σ⁻¹``; C is the
-        covariance of the parameters, and Σ the block of the group.
+        minus its share of the parameters. This share is the trace of ``J C Jᵀ Σ⁻¹``, with the rows
+        of the group alone in J and Σ, and the covariance C of the parameters.
     float
         Logarithm of the restricted likelihood of all residuals.
     """
@@ -168,8 +168,12 @@ def chi_square(values, covariance, jacobian, groups):
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
     # whitened residuals without the part that the parameters explain
-    rest = white[:, 0] - q @ (q.T @ white[:, 0])
-    likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
+    white_residuals = white[:, 0] - q @ (q.T @ white[:, 0])
+    likelihood = (
+        -np.log(np.diag(root)).sum()
+        - np.log(np.abs(np.diag(r))).sum()
+        - white_residuals @ white_residuals / 2
+    )
     return squares, float(likelihood)
 
 

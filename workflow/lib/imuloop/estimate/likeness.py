@@ -38,8 +38,8 @@ def imitated_share(training_fit, first, second):
     derivatives of all rows with respect to their parameters, after the nuisance parameters, which
     every fit has, are projected out. The second effect explains at least this share of the square
     of the first one, for any parameters of the first. The share is zero if the second has fewer
-    columns. Products of columns are weighted with the inverse of the noise covariance that is
-    likeliest without effects.
+    columns, or if the columns of one effect are linearly dependent. Products of columns are
+    weighted with the inverse of the noise covariance that is likeliest without effects.
 
     Parameters
     ----------

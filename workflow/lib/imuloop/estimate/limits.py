@@ -73,7 +73,7 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
             columns=columns,
             power=power,
             # the test multiplies the p-value by the number of variants that were tried
-            threshold=search.threshold(len(base)) - trial.tries,
+            threshold=search.threshold(len(base)) - trial.log_tries,
         )
         # information about each column under the likeliest noise hypothesis
         information = test.chi_square_drop() / fit.scale[:, None]
@@ -104,8 +104,9 @@ def first_size(passes):
     `passes`, (s, q) of bool, says which of s increasing sizes of each of q parameters pass a test.
     The index is s if the largest size fails.
     """
-    failing = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
-    return len(passes) - np.argmin(failing, axis=0)
+    # from the largest size down; the last row, which fails, ends the search for the first failure
+    descending = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
+    return len(passes) - np.argmin(descending, axis=0)
 
 
 @dataclass(frozen=True)
@@ -212,21 +213,21 @@ class AxisTest:
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
         A size counts if the 95 % interval of the ratio of held-out errors, with the effect in the
-        model to without, would lie below one. The data have s times the column x, the derivative of
-        all rows (scalar residuals) with respect to one parameter of the effect. A row is predicted
-        by a fit to the rows of other folds; its held-out error is
+        model to without, would lie below one. The data have z times the column x, the derivative of
+        all rows (scalar residuals) with respect to one parameter of the effect; z is the size. A
+        row is predicted by a fit to the rows of other folds; its held-out error is
 
         - e, with the variance v, by the noise alone;
-        - ``e + s c`` without the effect in the model, where c is the held-out error of x;
-        - ``e + s C - d δ`` with the effect in the model, where C is the held-out error of x in a
+        - ``e + z c`` without the effect in the model, where c is the held-out error of x;
+        - ``e + z C - d δ`` with the effect in the model, where C is the held-out error of x in a
           fit that has the effect's columns. d are the held-out errors of these columns without the
           effect in the model, and δ is the error of their coefficients, with the covariance V.
 
         The expected sums of squares over fold k, without the effect and with it, are
 
-            B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ).
+            B_k = Σ (v + z² c²),    A_k = Σ (v + z² C² + d V dᵀ).
 
-        The variance of their difference is ``Σ 4 v (s² (c - C)² + d V dᵀ)``. From these sums follow
+        The variance of their difference is ``Σ 4 v (z² (c - C)² + d V dᵀ)``. From these sums follow
         the ratio ``√(A/B)`` over all folds and its jackknife error. `problem` is the StaticProblem,
         PoseProblem or MotionProblem; it gives the unit of the errors and the kinds of residuals.
         """
@@ -298,6 +299,6 @@ def is_below_one(after, before, variance, quantile):
     n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
     ratio = np.sqrt(total_after / total_before)
     share = after / total_after[:, None] - before / total_before[:, None]
-    random = variance.sum(axis=1) / (total_after * total_before)
-    error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + random)
-    return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(random) < 1
+    by_noise = variance.sum(axis=1) / (total_after * total_before)
+    error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + by_noise)
+    return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(by_noise) < 1

@@ -46,12 +46,12 @@ class TrainingFit:
 
     @cached_property
     def _roots(self):
-        """For each group of rows R, (h, u, u), upper triangular, with ``R Rᵀ = (Uᵀ P U)⁻¹``.
+        """The matrix R of each group of rows, (h, u, u), upper triangular: ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
         U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
         unit vector for each held-out row: with its own parameter, the row has no influence. Then it
-        has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse of the
-        covariance of the rows under each of h noise hypotheses.
+        has the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
+        inverse of the covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
         groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
@@ -202,7 +202,8 @@ class TrainingFit:
     def fit(self, effects, axis):
         """Return the Fit of one axis, an index, to the training rows with some effects.
 
-        It is None if the derivatives by the parameters of the effects are linearly dependent.
+        It is None if the derivatives with respect to the parameters of the effects (columns) are
+        linearly dependent, or if there are as many columns as rows.
         """
         key = tuple(effects)
         if key not in self._fits:
@@ -221,8 +222,8 @@ class TrainingFit:
         -------
         list of list of Fit or None
             For each axis a list with an entry for each tuple in `additions`. The entry is None if
-            the derivatives by the parameters of the effects (columns) are linearly dependent, or
-            if there are as many columns as rows.
+            the derivatives with respect to the parameters of the effects (columns) are linearly
+            dependent, or if there are as many columns as rows.
         """
         axes, columns_of = range(len(self.evidence.residual_columns)), self.evidence.columns_of
         # by the base's columns and the number q of further columns: for each set of further columns
@@ -238,6 +239,7 @@ class TrainingFit:
             sets = np.reshape(list(indices_by_set), (len(indices_by_set), count)).astype(int)
             by_set = zip(self._fit(shared, sets), indices_by_set.values(), strict=True)
             for by_axis, indices in by_set:
+                # without a fit of these columns, `by_axis` is None
                 for axis, k in indices:
                     fits[axis][k] = by_axis and by_axis[axis]
         return fits
@@ -258,8 +260,8 @@ class TrainingFit:
         Returns
         -------
         list of list of Fit, or None
-            For each set a Fit to the residuals of each axis; None if its columns are linearly
-            dependent.
+            For each set a Fit to the residuals of each axis; None if the columns of the fit are
+            linearly dependent, or as many as the rows.
         """
         # number of axes, of sets, of further columns, and of all columns of a fit
         axes, (count, q) = len(self.evidence.residual_columns), sets.shape
@@ -394,7 +396,7 @@ class TrainingFit:
         hypothesis, information, variance = self.hypothesis(fit), 0.0, 0.0
         for i, z in enumerate(self.evidence.split(columns)):
             weighted = self.apply_precision(i, hypothesis, z)
-            noise = self.evidence.row_groups[i].noise.mean(fit.probability * fit.scale)
+            noise = self.evidence.row_groups[i].noise.weighted_sum(fit.probability * fit.scale)
             information = information + z.T @ weighted
             variance = variance + weighted.T @ noise @ weighted
         return information, variance

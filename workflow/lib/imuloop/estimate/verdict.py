@@ -49,7 +49,7 @@ class NoiseComparison:
     # the first two are averaged over the alternatives of the noise
     p_value: float  # probability that the noise gives so large a χ² of the fit
     heldout_p_value: float  # probability that the noise gives so large held-out errors
-    p_value_as_estimated: float  # as `p_value`, with the noise as estimated
+    p_value_as_estimated: float  # the same as `p_value`, but for the noise as estimated alone
     reduced_chi2: float  # reduced χ² of the fit with the noise as estimated
 
 
@@ -125,7 +125,7 @@ def verdict(above_before, above_after, effects):
     return "partly_explained" if above_after else "explained"
 
 
-def of_calibration(records, static):
+def calibration_verdict(records, static):
     """Return the worst verdict of the records that a sensor's calibration comes from, one word.
 
     It is ``not_testable`` if no record was tested. Poses and the comparison to a reference always
@@ -160,11 +160,12 @@ def may_lack_effect(content):
 def above_floor(comparison, significance, heldout, floor, has_effects):
     """Return whether a residual is larger than the noise explains, a bool.
 
-    It is in two cases. The floor is the held-out error that the noise alone gives:
+    The floor is the held-out error that the noise alone gives. A residual is too large in two
+    cases:
 
     - χ² of the fit is too large, and the held-out error is above its floor.
     - The held-out error is above its floor by more than `MARGIN`, and is too large for the noise.
-      χ² does not matter here: a wrong effect fits the data that it was chosen by.
+      χ² does not matter here: even a wrong effect fits the data by which it was chosen.
 
     Parameters
     ----------
@@ -187,7 +188,8 @@ def why_not_shown(kind, limits, units):
     """Return the reason, text, why these data cannot show an effect of any possible size, or None.
 
     `kind` is the kind of effect, whose `limit` is the largest possible size. `limits` are the least
-    sizes that the data would show, SI, and `units` their units, both dicts by parameter.
+    sizes that the data would show, SI, and `units` their units, both dicts by parameter; `limits`
+    is empty if the data would show no size that was tried.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

@@ -33,7 +33,7 @@ class ChannelMeans:
         parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
         self.windows, cycle = np.concatenate([rests.windows, parts]), rests.power_cycle
         cycle = np.append(cycle, np.repeat(cycle[moves.first], PARTS))
-        # computed once for all channels
+        # edges of the windows by power cycle, computed once for all channels
         self.edges = edges(self.windows, cycle)
 
     @cached_property
@@ -169,6 +169,7 @@ class ResidualCovariance:
         `covariance`, (m, g, 3, 3), rad², is the covariance of the errors that arise in each of g
         parts of the rotation, on body axes.
         """
+        # (m, g): time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
         return (gain @ covariance @ gain.swapaxes(2, 3)).sum(axis=1)
@@ -177,7 +178,9 @@ class ResidualCovariance:
     def _tilt_columns(self):
         """Columns C, (3, L, c), of the covariance ``C Cᵀ`` by white noise of each rate at tilts.
 
-        L is the number of all residuals, used by the fit or not. The first axis is the rate's.
+        The first axis numbers the three rates, L is the number of all residuals, used by the fit or
+        not, and c the number of columns.
+
         At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
         of the rest, of duration T. White noise n of density one changes these small rotations by
         ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the

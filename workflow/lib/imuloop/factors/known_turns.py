@@ -29,7 +29,7 @@ class KnownTurns:
         return len(self.seconds)
 
     def select(self, keep):
-        """Return the KnownTurns without others than `keep`, an index array or a mask, chooses."""
+        """Return the KnownTurns that `keep`, an index array or a mask, chooses."""
         chosen = {name: getattr(self, name)[keep] for name in ("turned", "seconds", "target")}
         return replace(self, **chosen)
 
@@ -43,8 +43,8 @@ class KnownTurns:
 
         Its bias b is the mean angular rate of the rests. a is the integral of the angular rate over
         a turn, L its duration, θ its known angle, and u its axis. The matrix T K is the
-        least-squares solution of ``T K (a - b L) = θ u``, or one if the turns do not determine it,
-        as with one axis only.
+        least-squares solution of ``T K (a - b L) = θ u``, or the identity if the turns do not
+        determine it, as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
@@ -71,7 +71,7 @@ class KnownTurns:
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
-        """Return the rotation by the gyroscope less the known one of each turn, rad, (m, 3).
+        """Return the rotation by the gyroscope minus the known rotation of each turn, rad, (m, 3).
 
         It is ``T K (a - b L) - θ u`` on body axes, with the matrix T K and the bias b of the
         gyroscope, the integral a of the angular rate, the duration L, the angle θ and the axis u.

@@ -80,8 +80,8 @@ class Advice:
     sensor, parameter : str
         Name of the sensor and of the parameter, such as ``gyroscope`` and ``K2``.
     error, ratio : float
-        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the error over the error
-        that is good enough.
+        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the ratio of this error to
+        the error that is good enough.
     std, std_after : float
         Standard error of the parameter before and after the step, nominal SI.
     step : Step
@@ -141,10 +141,11 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     up = upward(calibration, recording.poses)
     steps, variances, factors = candidates(up), [], Factors(calibration.gravity)
     simulated = simulate_steps(steps, up[-1], calibration, recording)
-    linearised = factors.about(simulated, state).at(state.x)
+    linearised = factors.linearised_about(simulated, state).at(state.x)
     owners = factors.owners(simulated).tolist()
-    size = np.sqrt([getattr(calibration, owner).excess for owner in owners])
-    R = linearised.noise.by(noise) * size[:, None] * size
+    # factor on the standard deviation of each residual, from the reduced χ²
+    scale = np.sqrt([getattr(calibration, owner).excess for owner in owners])
+    R = linearised.noise.by(noise) * scale[:, None] * scale
     # residuals that end at the second rest of each session; the first rest is known already
     ends = factors.rows(simulated)[0].max(axis=1)
     for k in range(len(steps)):
@@ -173,8 +174,9 @@ def upward(calibration, poses):
 def candidates(up):
     """Return the Steps to choose from, a list, after n rests.
 
-    A rest far from all earlier rests comes first, as an effect can hide in an attitude that was
-    never up. Without one, rests far from the last rest and turns about each axis are returned.
+    These are rests far from all earlier rests, as an effect can hide in an attitude that was never
+    tried. If there is no such attitude, they are rests far from the last rest, and turns about each
+    axis.
     `up`, (n, 3), are the upward directions of the rests on body axes.
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
@@ -186,7 +188,7 @@ def simulate_steps(steps, now, calibration, recording):
     """Return the Recording of m steps without noise, with two rests and a turn for each step.
 
     Each step is its own session. The rests are as long and as noisy as the median rest of
-    `recording`, and the turns are as undersampled as its turns.
+    `recording`, and the turns are as undersampled as the turns in it.
 
     Parameters
     ----------
