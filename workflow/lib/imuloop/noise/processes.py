@@ -53,11 +53,13 @@ def _flicker_samples(d):
 def _flicker_means(d, m):
     r"""Return the generalised covariance of means of m samples of flicker, d samples apart.
 
-    Where sums are integrals it is :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`, x = d/m, with
-    :math:`\Delta^2` the second difference, and a constant; between near and short means the sum.
+    If sums may be taken as integrals, it is a constant plus :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`
+    with x = d/m and the second difference :math:`\Delta^2`. If the means are near each other and
+    short, it is the sum over all pairs of samples.
     """
 
     def k(x):
+        """Return ``x² ln x/2π``."""
         return xlogy(x**2, x) / (2 * np.pi)
 
     x = d / m
