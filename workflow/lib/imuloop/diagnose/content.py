@@ -113,7 +113,7 @@ def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
     Parameters
     ----------
     problem : PoseProblem or StaticProblem
-        It has N rows, which are components of residuals, on a axes.
+        Problem with N rows, which are components of residuals, on a axes.
     kinds : sequence of str
         Kinds of residuals.
     comparisons : pair of list of NoiseComparison

@@ -96,14 +96,16 @@ def diagnose_device(
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # static records come first: the poses get their effects, and the noise without these effects
+    # static records come first: the poses are diagnosed with the effects that static records show,
+    # and with the noise without these effects
     static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
     # this noise is also without a ramp, which poses do not have but which would add slow noise
     noise, has_static_session = static.noise, "static" in data.kinds.values()
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns)
-    # a long rest in the log of the poses gives no effects: the poses themselves show them better
+    # without a static session, a long rest in the log of the poses is a static record. Its effects
+    # are not used here: the poses themselves show effects better
     for_poses = static if has_static_session else None
     problem = joint_fit and pose_problem(joint_fit, recording, settings, tests, for_poses)
     poses = diagnose_poses(problem, reasons)

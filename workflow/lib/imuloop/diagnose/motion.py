@@ -34,7 +34,7 @@ MOVE_SOFTLY = (
     "down softly"
 )
 LOG_EVERY_SAMPLE = "log every sample"
-OFFSET_OF_ACCELEROMETER = (
+LATE_SENSOR = (
     "motion shows how late one sensor is after the other: it is given to the accelerometer"
 )
 
@@ -61,8 +61,8 @@ class MotionProblem(PoseProblem):
     def error_scale(self):
         """Standard deviation of each row, (N,), by which held-out errors are divided.
 
-        It comes from the likeliest noise without effects: the noise of a move grows with its
-        length, and so does the error of a missing effect.
+        The deviation comes from the likeliest noise without effects: the noise of a move grows with
+        the length of the move, and so does the error of a missing effect.
         """
         # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
@@ -101,7 +101,7 @@ def diagnose_motion(poses):
     Returns
     -------
     PoseResult
-        It has calibrations if an effect was added.
+        The diagnosis of the moves, which has calibrations if an effect was added.
     """
     problem, solution = poses.problem, poses.solution
     if solution is None or set(problem.joint_fit.estimated) != set(SENSORS):
@@ -140,7 +140,7 @@ def diagnose_motion(poses):
         result = diagnose_record(problem, {tuple(SENSORS): VELOCITY}, {}, motion_products)
     except LinAlgError as error:
         return no_result(why_no_fit(error), columns)
-    entry = untried("time_offset", "confounded", OFFSET_OF_ACCELEROMETER)
+    entry = untried("time_offset", "confounded", LATE_SENSOR)
     result.contents["gyroscope"]["candidates"].append(entry)
     for content in result.contents.values():
         content["moves"] = {"all": len(usable), "left_out": int((~usable).sum())}
@@ -196,7 +196,8 @@ def knocks(recording, gyroscope_bias):
 
     A knock shorter than a sample interval may not be sampled. So the result is the largest velocity
     that one of the sample intervals of a move may hide, ``|Δf + w × f Δt| Δt`` for the change Δf of
-    specific force. It is nan if the specific force is saturated. `gyroscope_bias`, (3,), is in
+    specific force. A move in which the specific force is saturated has nan.
+    `gyroscope_bias`, (3,), is in
     nominal SI, rad/s.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
@@ -209,7 +210,7 @@ def hidden_velocity(recording, gyroscope_bias):
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
     third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
     error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`,
-    (3,), is in nominal SI, the log by its nominal scale, rad/s.
+    (3,), is in nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):

@@ -177,10 +177,10 @@ class PoseProblem:
     def _rows_next_to_step(self, effect, held_out):
         """Return the indices of the held-out rows next to a step, the SensorEffect `effect`.
 
-        The training poses know the time of a step only to the interval between the last of them
-        before it and the first of them after it. A held-out pose in that interval may lie on either
-        side of the step, so the rows that depend on it cannot be predicted. `held_out` has the
-        numbers of the held-out folds.
+        The training poses show only that the step lies between the last training pose before it and
+        the first one after it. A held-out pose between these two may lie on either side of the
+        step, so the rows that depend on this pose cannot be predicted. `held_out` has the numbers
+        of the held-out folds.
         """
         is_held_out, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
@@ -293,8 +293,9 @@ class PoseProblem:
     def nearest_linearization(self, effects):
         """Return the stored Linearization that has the most of some effects and no others.
 
-        The rows are taken as linear in the remaining effects, by their derivatives in its Evidence.
-        So effects that only a search without one fold chose need no new fit of all poses.
+        The rows are taken as linear in the remaining effects, by the derivatives in the Evidence of
+        this Linearization. So effects that only a search without one fold chose need no new fit of
+        all poses.
         """
         subsets = [stored for stored in self._fits if set(stored) <= set(effects)]
         return self.linearization(max(subsets, key=len, default=()))
@@ -302,7 +303,7 @@ class PoseProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit, the least-squares fit of the rows without the folds `held_out`.
 
-        Its rows are linearised at a fit with the effects in `base`, which are in the model already.
+        The rows are linearised at a fit with effects of `base`, which are in the model already.
         """
         return self.nearest_linearization(base).evidence.training_fit(held_out)
 
@@ -313,7 +314,8 @@ class PoseProblem:
     def noise_with(self, base, values):
         """Return the Hypotheses of the one group of rows if its residuals were `values`, (N,).
 
-        They are the noise as estimated, and the noise that is most likely for these residuals.
+        The two hypotheses are the noise as estimated, and the noise that is most likely for these
+        residuals.
         `base` has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
@@ -388,8 +390,8 @@ class PoseProblem:
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.
 
-        It is the fit of all poses plus the linear change that the remaining rows give. Its
-        covariance is zero, since it is not used.
+        It is the fit of all poses plus the linear change that the remaining rows give. The
+        covariance in the Fit is set to zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
         all_effects = (*self.nuisance_effects, *effects)
@@ -418,7 +420,7 @@ def kind_hypotheses(components, likelihood, likeliest):
     components : list of Component
         The k variance components of the noise.
     likelihood : SizeLikelihood
-        Likelihood of their sizes.
+        Likelihood of the sizes of the components.
     likeliest : ndarray, shape (k,)
         The most likely sizes.
 

@@ -26,7 +26,7 @@ from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
 TESTABLE = 12
-# least number of attitudes among them, one more than parameters; rad between two attitudes
+# least number of attitudes among these poses, one more than parameters; rad between two attitudes
 ATTITUDES, APART = 10, 0.17
 # least number of turns between poses for a test of effects of the gyroscope
 TESTABLE_TURNS = 6
@@ -75,8 +75,8 @@ def pose_problem(joint_fit, recording, settings, tests, static=None):
     tests : int
         Number of tests that share the significance.
     static : StaticResult, optional
-        Diagnosis of static records. Every fit estimates the effects that they showed on the fitted
-        sensors; an effect of the temperature needs poses with a temperature.
+        Diagnosis of static records. Every fit estimates the effects that these records showed on
+        the fitted sensors; an effect of the temperature needs poses with a temperature.
     """
     nuisances = tuple(
         e

@@ -185,7 +185,7 @@ def compare_rows(problem, linearization, kinds, errors):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows, one for each component of a residual.
+        Problem with N rows, one for each component of a residual.
     linearization : Linearization
         The fit, with m alternatives of the noise: covariances that it may have.
     kinds : sequence of str
@@ -229,9 +229,10 @@ def undersampling_error(problem, linearization, floor):
     Returns
     -------
     dict
-        One field, ``undersampled``, or none. It has the ``error`` by sampling and the error by all
-        ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
-        be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
+        One field, ``undersampled``, or none. The field has the ``error`` by sampling and the error
+        by all ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which
+        both would be equal: the variance by sampling falls with the rate as the spectrum of the
+        turns does.
     """
     rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():

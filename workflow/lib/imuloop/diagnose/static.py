@@ -130,8 +130,8 @@ def static_candidates(sensor, records):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
     variants, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # variants with a price assume that the thermometer lags; they are for shorter records, as hours
-    # at rest show the lag itself
+    # variants with a price assume that the thermometer lags. They are for shorter records: hours at
+    # rest show the lag itself
     return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 
@@ -145,11 +145,11 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     data : StaticData
         Samples at rest.
     records : dict of str to list of StaticRecord
-        Their means, by sensor.
+        Means of these samples over windows, by sensor.
     calibration : Calibration
-        The base model. Effects are errors of its output ``K (raw - b)``.
+        The base model. Effects are errors of the output ``K (raw - b)`` by this calibration.
     noise : NoiseModel
-        Noise of the device. It is estimated again after effects are subtracted.
+        Noise of the device, which is estimated again after effects are subtracted.
     settings : DiagnoseSettings
     noise_settings : NoiseSettings
         Settings of the noise stage.

@@ -1,7 +1,7 @@
 """Static records: the samples of a device at rest, and their means over windows.
 
-Nominal SI values are raw readings less the data sheet's offset, times its scale. The output of a
-sensor is ``K (raw - b)``, SI, by the calibration without effects.
+Nominal SI values are raw readings minus the offset, times the scale of the data sheet. The output
+of a sensor is ``K (raw - b)``, SI, by the calibration without effects.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from imuloop.noise.records import RecordedSession
 # s; least length of a rest that serves as a static record if there is no static session: poses show
 # all effects better than a shorter rest
 LONG_REST = 600.0
-# least and most windows of a record: the window length is changed to keep their number between.
+# least and most windows of a record: the window length is changed to keep their number in between.
 # The upper limit is there because a covariance of n means has n² entries
 LEAST_MEANS, MOST_MEANS = 64, 200
 # least number of samples in a window
@@ -101,8 +101,8 @@ class StaticData:
     def subtract(self, effects, calibration):
         """Return the sessions with the output of effects subtracted, a list of RecordedSession.
 
-        `effects` has the FittedEffects of each sensor, errors of its output ``K (raw - b)``, which
-        `calibration` computes.
+        `effects` has the FittedEffects of each sensor, errors of the output ``K (raw - b)`` of the
+        sensor, which `calibration` computes.
         """
         sessions = []
         for name, samples in self.samples.items():
@@ -173,7 +173,8 @@ def static_records(session, log, segments, calibration, mean_time):
         outputs[sensor] = getattr(calibration, sensor).output(x[0] + _means(x - x[0], ends))
     temperature = None if log.temperature is None else _means(log.temperature, ends)
     for sensor, values in outputs.items():
-        # the input of effects is the mean of the session: they do not follow the noise of windows
+        # the input of effects is the mean of the session, as effects do not follow the noise of
+        # windows
         level = values.mean(axis=0) if len(values) else np.zeros(3)
         channels = Channels(
             t=windows.mean(axis=1),
@@ -230,9 +231,9 @@ def _means(x, ends):
 def correct_samples(session, samples, log, calibration, effects):
     """Return the samples of a session, by column, with the output of some effects subtracted.
 
-    `session` is its name. `samples` and the result are in nominal SI, `log` is the Log of the same
-    samples. `calibration` computes the output ``K (raw - b)`` of each sensor, and `effects` has the
-    FittedEffects, errors of this output, by sensor.
+    `session` is the name of the session. `samples` and the result are in nominal SI, `log` is the
+    Log of the same samples. `calibration` computes the output ``K (raw - b)`` of each sensor, and
+    `effects` has the FittedEffects, errors of this output, by sensor.
     """
     t, columns = log.t, {name: np.array(samples[name], dtype=float) for name in CHANNELS}
     # at rest the effects see the mean output of each sensor

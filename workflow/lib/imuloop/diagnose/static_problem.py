@@ -129,7 +129,7 @@ class StaticProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit, the least-squares fit to the rows without the folds `held_out`.
 
-        It does not depend on the effects in `base`, since the rows are linear in all effects.
+        The fit does not depend on the effects in `base`, since the rows are linear in all effects.
         """
         return self.evidence.training_fit(held_out)
 
@@ -153,8 +153,8 @@ def ratios(span, length):
     """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
 
     N, B and K are the coefficients of white noise, flicker and random walk. The record has the
-    `span` S and windows of `length` τ, s. In its mode k, of k half waves, the variance of flicker
-    is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
+    `span` S and windows of `length` τ, s. In mode k of the record, of k half waves, the variance of
+    flicker is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
     ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
     noise in the middle mode. The prior is uniform in the logarithm of each ratio.
     """
@@ -184,7 +184,8 @@ def hypotheses(windows, grid):
 def fitted_effects(search, effects):
     """Return a FittedEffect for each of some effects, fitted together to the records, a tuple.
 
-    The result is None if an axis cannot estimate them. `search` is the Search of the records.
+    The result is None if the rows of an axis do not determine the parameters. `search` is the
+    Search of the records.
     """
     training_fit, estimates = search.training_fit(effects), []
     evidence = training_fit.evidence
@@ -212,7 +213,7 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as the errors of a fit of the effects to the records: it is the largest ratio of ``dᵀ
+    as large as the errors of a fit of the effects to the records: κ is the largest ratio of ``dᵀ
     P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over the
     noise hypotheses, the covariances that the noise may have.
 
@@ -314,7 +315,7 @@ def is_tilt(jump, level):
 def _disturbances(record):
     """Return the times, s, of disturbances with enough windows just before and after them, a list.
 
-    They are the starts of the undisturbed stretches that follow them.
+    The time of a disturbance is the start of the undisturbed stretch that follows it.
     """
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))

@@ -51,7 +51,7 @@ def most_promising_step(search, base, earlier=()):
 
     `search` is the Search of static records, which have the means over windows of a rest. Windows
     close to the `earlier` steps are not tried. The step is None if no window is left. `base` has
-    the effects that are in the model, those steps included.
+    the effects that are in the model, the earlier steps included.
     """
     # log p, axis and step; the first entry stands for no step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
@@ -106,10 +106,10 @@ def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
     Times in the middle of the poses are tried first. If the best of them is clearer than chance,
-    times ever closer to it are tried, since a step may lie within a pose or between two. The tests
-    use the noise as estimated: under the likeliest noise, the residuals that a step causes in the
-    turns would count as noise. `base` has the effects that are in the model already. `may_give_up`
-    changes nothing: the first times are quick to test.
+    times ever closer to this time are tried, since a step may lie within a pose or between two. The
+    tests use the noise as estimated: under the likeliest noise, the residuals that a step causes in
+    the turns would count as noise. `base` has the effects that are in the model already.
+    `may_give_up` changes nothing: the first times are quick to test.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:

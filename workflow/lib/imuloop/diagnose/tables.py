@@ -47,7 +47,7 @@ def residual_columns(problem, kinds, errors, floor):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows.
+        Problem with N rows.
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
@@ -132,7 +132,7 @@ def _place(poses, indices, names, times):
     names : list of str
         Names of the sessions.
     times : Poses or Rotations
-        It has the start and end of these poses or moves, s.
+        Table with the start and end of these poses or moves, s.
     """
     # poses are sorted by session: the first of each session has the number 0
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)

@@ -25,7 +25,7 @@ class Fit:
     log_prior: np.ndarray
     dof: int  # degrees of freedom
     least_scale: float  # lower limit of `scale`; above 0 if other data say how large the noise is
-    # (h, k, k): normal matrix of the columns, each divided by its norm
+    # (h, k, k): normal matrix of the columns, after each column was divided by its norm
     normal: np.ndarray | None = None
     norms: np.ndarray | None = None  # (h, k): norms of the columns in the metric of the precision
     coefficients: np.ndarray | None = None  # (h, k): coefficients of the columns
@@ -56,7 +56,7 @@ class Fit:
     def average(self):
         """Return the coefficients of the columns, (k,), and their covariance, (k, k).
 
-        Both are averaged over the noise hypotheses, each weighted with its posterior probability.
+        Both are averaged over the noise hypotheses, with their posterior probabilities as weights.
         The covariance includes the scatter of the coefficients between hypotheses.
         """
         mean = self.probability @ self.coefficients

@@ -27,9 +27,9 @@ class Choice:
 class Choices(Search):
     """The Search in all rows, with the choice of effects and the errors of cross-validation.
 
-    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
-    the rows (scalar residuals) of one kind of record; their folds, the groups of rows that are held
-    out together; and the variants to try, effects with values of their constants.
+    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. A
+    problem has the rows (scalar residuals) of one kind of record; the folds, groups of rows that
+    are held out together; and the variants to try, effects with values of their constants.
     """
 
     def __init__(self, problem):
@@ -143,8 +143,9 @@ class Choices(Search):
         tuple of Effect
             The effects without the one that failed.
         dict of Effect to Trial, or None
-            The test of each effect; None if one failed. If it failed by the held-out error, the
-            95 % interval of its error ratio is added to the argument `failed`, a dict by kind.
+            The test of each effect; None if one effect failed. If an effect fails by the held-out
+            error, the 95 % interval of its error ratio is stored in the argument `failed`, a dict
+            by kind of effect.
         """
         trials = {}
         # effects of time are removed before effects of temperature
@@ -202,7 +203,7 @@ class Choices(Search):
     def nested_choice(self, search):
         """Return the effects that are significant in the training rows of a Search, a tuple.
 
-        Only the kinds of effects are tried that the choice by all rows adds. Whether they are
-        significant, and their constants and sizes, depend on the training rows alone.
+        Only the kinds of effects that the choice by all rows adds are tried. The training rows
+        alone determine which of these effects are significant, and their constants and sizes.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

@@ -63,7 +63,8 @@ class RowGroup:
 class Pattern:
     """The derivative of all N rows, on a axes, with respect to the q parameters of an effect.
 
-    The effect has values of its constants, such as a time constant: it is one variant of its kind.
+    The effect has values of its constants, such as a time constant: it is one variant of its kind
+    of effect.
     `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for each
     parameter that its rows depend on.
     """
@@ -80,8 +81,8 @@ class Evidence:
     """All N rows, group by group, and the columns of the patterns that may explain them.
 
     A row is one scalar residual. A column, (N,), is the derivative of the rows on one axis with
-    respect to one parameter of an effect, scaled to length one. It is stored under a number, as are
-    the residuals of each axis. The covariance of the noise is one of h hypotheses.
+    respect to one parameter of an effect, scaled to length one. Each column, and the residuals of
+    each axis, are stored under a number. The covariance of the noise is one of h hypotheses.
     """
 
     row_groups: list[RowGroup]
@@ -138,8 +139,8 @@ class Evidence:
             by_group = zip(
                 self.row_groups, self._weighted, self.split(np.array(new).T), strict=True
             )
-            # of each group: its list of products, one of shape (h, n) for each column, and its rows
-            # of the new columns, (n, number of new columns)
+            # `weighted` is the list of products of a group, one of shape (h, n) for each column,
+            # and `rows` are the rows of the group in the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
                 weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0).copy())
         return tuple(numbers)
@@ -195,7 +196,8 @@ class Evidence:
             For each column the index of its parameter in the list of all parameters of
             `effects`.
         ndarray, shape (k,)
-            The norm that each column was divided by: its coefficient is the parameter times this.
+            The norm that each column was divided by. The coefficient of a column is the parameter
+            times this norm.
         """
         starts = np.cumsum([0, *(len(e.parameters) for e in effects)])
         patterns = self.patterns(effects)

@@ -1,8 +1,8 @@
 """The joint fit of accelerometer and gyroscope to the rests and moves of a recording.
 
 A rest is a pose at rest, a move is what lies between two rests. The state x has the 21 parameters
-of both sensors and then the parameters of the effects, in nominal SI: raw readings less the data
-sheet's offset, times its scale.
+of both sensors and then the parameters of the effects, in nominal SI: raw readings minus the
+offset, times the scale of the data sheet.
 """
 
 from dataclasses import dataclass, replace
@@ -41,14 +41,14 @@ class JointFit:
     start : ndarray, shape (21,)
         State x to start from, without effects.
     prior : Prior or None
-        The distribution of x before the data, by the data sheet or the device family. It is written
-        into the calibrations.
+        The distribution of x before the data, by the data sheet or the device family. The prior is
+        written into the calibrations.
     known : (ndarray, ndarray)
         Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
         independent components of variance one. These rows include `prior` and the turns by known
         angles.
     method : str
-        Kind of the sessions that were recorded; it is written into the calibrations.
+        Kind of the sessions that were recorded, which is written into the calibrations.
     """
 
     factors: Factors
@@ -118,8 +118,9 @@ class JointFit:
         certain_noise = self.noise.with_sizes(dict.fromkeys(uncertain, 0.0))
         # noise of uncertain size is left out here, as it is among the components
         fixed = covariance.by(certain_noise, aliasing=not aliased)
-        # (covariance at size one, prior size, its standard deviation, kind of residual): the unit
-        # of the size is the standard error, so that sizes of all terms are of the same order
+        # (covariance at size one, prior size, standard deviation of the size, kind of residual):
+        # the unit of the size is the standard error, so that sizes of all terms are of the same
+        # order
         parts = [
             (std**2 * covariance.component(c, term), size / std, 1.0, kind_of_channel[c])
             for (c, term), (size, std) in uncertain.items()
@@ -199,13 +200,13 @@ class JointFit:
     def calibrations(self, solution, covariance=None):
         """Return the SensorCalibration of each estimated sensor, a dict by name, from a Fit.
 
-        `covariance`, (p, p), belongs to the p estimates; by default the covariance of the Fit times
-        its reduced χ², if that is above one.
+        `covariance`, (p, p), is that of the p estimates; by default the covariance of the Fit times
+        the reduced χ² of the Fit, if that is above one.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}
-        # the bias of the gyroscope may be held at its value before the fit: it has the variance of
-        # its prior, and no covariance with other parameters
+        # if the bias of the gyroscope is held at its value before the fit, it has the variance by
+        # the prior, and no covariance with other parameters
         if self.factors.bias_held:
             state.x[BIAS], covariance[BIAS], covariance[:, BIAS] = self.start[BIAS], 0.0, 0.0
             covariance[BIAS, BIAS] = solution.covariance[BIAS, BIAS] * np.eye(3)

@@ -1,7 +1,8 @@
 """Detection limits: the least size of an effect that the test and cross-validation would show.
 
 A row is one scalar residual. A column is the derivative of all rows on one axis with respect to one
-parameter of the effect, scaled to length one; its size is the parameter times the scale. A noise
+parameter of the effect, scaled to length one. The size of a column is the parameter times the norm
+of that derivative. A noise
 hypothesis is one covariance that the noise of the rows may have.
 """
 
@@ -282,8 +283,8 @@ class AxisTest:
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
-    A ratio is the root of the sum of squares with an effect over that without. Its standard error
-    comes from the scatter between folds, as by a jackknife, and from the noise.
+    A ratio is the root of the sum of squares with an effect over that without. The standard error
+    of a ratio comes from the scatter between folds, as by a jackknife, and from the noise.
 
     Parameters
     ----------
@@ -291,10 +292,10 @@ def is_below_one(after, before, variance, quantile):
         Expected sums of squares of the held-out errors in each fold, with and without an effect in
         the model, at s sizes of the effect in the data.
     variance : ndarray, shape (s, folds)
-        Variance of their difference by the noise.
+        Variance, by the noise, of the difference of `after` and `before`.
     quantile : float
         Number of standard deviations by which the noise may make the ratio larger: the upper end of
-        its 95 % interval has to stay below one even then.
+        the 95 % interval of the ratio has to stay below one even then.
     """
     n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
     ratio = np.sqrt(total_after / total_before)

@@ -54,15 +54,16 @@ def total_covariance(fixed, components, sizes):
 def likely_sizes(values, jacobian, fixed, components, start=None):
     """Return the most likely sizes of k variance components of the noise, (k,).
 
-    The size is a factor on the standard deviation. It is at most `FARTHEST` prior standard
-    deviations above its prior value, and zero if the likelihood is largest there.
+    A size is a factor on the standard deviation of the component. A size is at most `FARTHEST`
+    prior standard deviations above its prior value, and zero if the likelihood is largest at zero.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Residuals r.
     jacobian : ndarray, shape (n, p)
-        Their derivative J with respect to the parameters that are fitted at the same time.
+        Derivative J of the residuals with respect to the parameters that are fitted at the same
+        time.
     fixed : ndarray, shape (n, n)
         Covariance Σ₀ of the noise whose size is known.
     components : sequence of Component

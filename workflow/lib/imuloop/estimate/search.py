@@ -129,8 +129,8 @@ class Search:
         Returns
         -------
         list of Trial or None
-            An entry for each variant. It is None if no axis depends on the variant, or if one that
-            does cannot estimate it.
+            An entry for each variant. The entry is None if no axis depends on the variant, or if an
+            axis that depends on it cannot estimate its parameters.
         """
         training_fit, testable = self.training_fit(base), {}
         axes = range(training_fit.evidence.axes)
@@ -156,10 +156,10 @@ class Search:
     def trial(self, base, kind, may_give_up=False):
         """Return the Trial of the best variant of a kind of effect, added to `base`, or None.
 
-        It is None if the base has the kind, or if no variant can be estimated. Most kinds have a
-        list of variants. A kind with too many, such as steps at any time, has a scan, a function
-        that finds the best one. With `may_give_up` the result is also None if the scan stops early,
-        because its first step is not clearer than chance.
+        The result is None if the base has the kind, or if no variant can be estimated. Most kinds
+        have a list of variants. A kind with too many, such as steps at any time, has a scan, a
+        function that finds the best one. With `may_give_up` the result is also None if the scan
+        stops early, because its first step is not clearer than chance.
         """
         if kind in kinds_of(base):
             return None
@@ -191,7 +191,7 @@ class Search:
         variants : sequence of Effect
             Effects of one kind, with different values of their constants.
         log_tries : float
-            Logarithm of the number of variants that were tried. It is added to log p.
+            Logarithm of the number of variants that were tried, which is added to log p.
         """
         trials = self._priced_tests(base, variants)
         smallest = min((t.log_p for t in trials), default=0.0)
@@ -227,8 +227,9 @@ class Search:
     def estimate(self, base, effect):
         """Return the p parameters of an effect added to `base`, the effects in the model.
 
-        The result is their values, (p,), standard errors, (p,), and covariance, (p, p), SI. They
-        are averaged over the noise hypotheses and combined from all axes. Parameters that no axis
+        The result is the values of the parameters, (p,), their standard errors, (p,), and their
+        covariance, (p, p), SI. All are averaged over the noise hypotheses and combined from all
+        axes. Parameters that no axis
         can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
@@ -251,8 +252,8 @@ class Search:
     def significant_effects(self, kinds):
         """Return the significant effects of the given kinds, a tuple, without cross-validation.
 
-        They are added one by one, each time the one with the smallest p-value, until none passes
-        the test. After each addition the constants of the earlier effects are chosen again.
+        Effects are added one by one, each time the effect with the smallest p-value, until none
+        passes the test. After each addition the constants of the earlier effects are chosen again.
         """
         effects = ()
         while best := self.best_trial(effects, kinds):
@@ -263,9 +264,10 @@ class Search:
         """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if its log p has at least half the size
-        (`AS_CLEARLY`) of the other's log p, as the log shows its cause. Formulas, effects without a
-        known cause, are tried if no other effect passes. `base` has the effects in the model.
+        an effect of time or of the past temperature if the size of its log p is at
+        least half (`AS_CLEARLY`) of the size of the other's log p, because the log shows the cause
+        of such an effect, the temperature. Formulas, effects without a known cause, are tried if no
+        other effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
@@ -318,8 +320,8 @@ class Search:
         for i, effect in enumerate(effects[:-1]):
             variants, best = self.problem.variants.get(effect.kind, ()), None
             other_effects = effects[:i] + effects[i + 1 :]
-            # only p-values of one kind are compared, so they are not corrected for the number of
-            # variants: its logarithm is taken as zero
+            # only p-values of one kind are compared, so p-values are not corrected for the number
+            # of variants: the logarithm of this number is taken as zero
             if len(variants) > 1:
                 best = self.best_variant(other_effects, variants, log_tries=0.0)
             elif effect.kind in self.problem.scans and self.problem.scans_again:

@@ -14,8 +14,8 @@ from scipy.linalg.lapack import dtrtri
 
 from imuloop.estimate.axis_fit import Fit, scaled_inverse
 
-# a column counts as linearly independent of others if more than this share of its square remains
-# after the projection onto them
+# a column counts as linearly independent of other columns if more than this share of its square
+# remains after the projection onto the others
 ABSORBED = 1e-6
 # share of a column's square that rounding alone may leave
 ROUNDING = 1e-12
@@ -80,9 +80,10 @@ class TrainingFit:
     def log_det(self):
         """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows, those not held out.
 
-        Σ is their covariance under each of h noise hypotheses, N their derivative by the nuisance
-        parameters. The sum equals ``log det Σ_all + log det Uᵀ P U`` with the covariance Σ_all of
-        all rows, its inverse P, and U that has N and a unit vector for each held-out row.
+        Σ is the covariance of the training rows under each of h noise hypotheses, and N is their
+        derivative with respect to the nuisance parameters. The sum equals ``log det Σ_all + log det
+        Uᵀ P U`` with the covariance Σ_all of all rows, its inverse P, and U that has N and a unit
+        vector for each held-out row.
         """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
         diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
@@ -132,9 +133,9 @@ class TrainingFit:
 
         `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
         precision of the training rows after the nuisance parameters are projected out. The
-        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is
-        ``xᵀ P x`` less the part of |t|² by the held-out rows, under the first noise hypothesis:
-        with it a column is compared that the nuisance parameters and other columns may explain.
+        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x is
+        ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis.
+        A fit compares this square with what the nuisance parameters and other columns leave of x.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
@@ -345,8 +346,8 @@ class TrainingFit:
         index = hypothesis if index is None else index
         coefficients, nuisances = fit.coefficients[hypothesis], []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
-            # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
-            # them
+            # corrections t of the residuals and of the columns: ``R t`` are the projected-out
+            # parameters of a fit to the residuals, or to a column
             t = self.corrections(i, (self.evidence.residual_columns[axis], *columns))[index]
             # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])

@@ -63,8 +63,8 @@ def compare_with_noise(groups, log_prior, fitted=0):
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
     fitted : int
-        Number of fitted parameters that are not columns of a Jacobian. It is subtracted from the
-        degrees of freedom of every kind.
+        Number of fitted parameters that are not columns of a Jacobian, which is subtracted from
+        the degrees of freedom of every kind.
 
     Returns
     -------
@@ -128,8 +128,8 @@ def verdict(above_before, above_after, effects):
 def calibration_verdict(records, static):
     """Return the worst verdict of the records that a sensor's calibration comes from, one word.
 
-    It is ``not_testable`` if no record was tested. Poses and the comparison to a reference always
-    count. Other records, such as motion, count if they added an effect.
+    The result is ``not_testable`` if no record was tested. Poses and the comparison to a reference
+    always count. Other records, such as motion, count if they added an effect.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def calibration_verdict(records, static):
 def may_lack_effect(content):
     """Return whether the model of a record may lack an effect, a bool.
 
-    It may if the verdict says so, or if only more slow noise than was estimated explains the
-    residuals, as a missing effect can look like slow noise. `content` is the part of diagnosis.json
-    on this record, a dict.
+    It may lack an effect if the verdict says so, or if only more slow noise than was estimated
+    explains the residuals, as a missing effect can look like slow noise. `content` is the part of
+    diagnosis.json on this record, a dict.
     """
     return content["verdict"] in LEFT or content.get("slow_noise", False)
 

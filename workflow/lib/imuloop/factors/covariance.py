@@ -19,7 +19,7 @@ class ChannelMeans:
     """Means of the noise of a channel over M windows: the n rests, then the parts of the m moves.
 
     Each move has `PARTS` parts of equal length. Slow noise (flicker and random walk) is taken
-    relative to its mean over all rests, because that mean is part of the bias.
+    relative to the mean of this noise over all rests, because that mean is part of the bias.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class ChannelMeans:
         return model.mean_covariance(self.windows, self.edges)
 
     def _subtract_mean(self, covariance):
-        """Return the covariance, (M, M), of the M means less the mean over all rests.
+        """Return the covariance, (M, M), of the M means minus the mean over all rests.
 
         `covariance`, (M, M), belongs to the means themselves. Rests count by their duration.
         """
@@ -93,8 +93,8 @@ class ResidualCovariance:
     residuals in two ways. Slow noise and the noise of rests enter by M means of the channel, over
     the rests and over `PARTS` parts of each move; the gain is the derivative of the residuals with
     respect to these means. White noise within a move, and errors by undersampling, dropped samples
-    and jitter, enter the residuals of that move only; they correlate its rotation and its velocity.
-    Noise of different power cycles is independent.
+    and jitter, enter the residuals of that move only, and correlate the residuals of the rotation
+    and of the velocity of a move. Noise of different power cycles is independent.
 
     Takes the Linearised factors, which have N residuals that the fit uses.
     """
@@ -111,7 +111,7 @@ class ResidualCovariance:
     def by(self, noise, aliasing=True):
         """Return the covariance, (N, N), of the N residuals that the fit uses, by a NoiseModel.
 
-        It includes the errors of rotations by undersampling if `aliasing` is true.
+        The covariance includes the errors of rotations by undersampling if `aliasing` is true.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
@@ -184,7 +184,7 @@ class ResidualCovariance:
         At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
         of the rest, of duration T. White noise n of density one changes these small rotations by
         ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the
-        start. Their variances are T/3, their covariance is -T/6.
+        start. The variances of these two rotations are T/3, their covariance is -T/6.
         """
         rests, first, columns = self.rests, self.moves.first, []
         for k in np.flatnonzero(rests.tilt > 0):

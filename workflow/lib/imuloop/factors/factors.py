@@ -45,8 +45,8 @@ class Factors:
     quiet : ndarray of bool, shape (m,), or None
         Whether the velocity of each move counts; None if none does.
     share : ndarray, shape (m, 3, 2), or None
-        Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. It is
-        subtracted from the residual of the velocity. None is zero.
+        Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. This
+        velocity is subtracted from the residual of the velocity. None is zero.
     bias_held : bool
         Whether the bias of the gyroscope is fixed at its value before the fit.
     """
@@ -70,8 +70,9 @@ class Factors:
     def every_row(self, recording):
         """Return four arrays, (M,), with a value for each of M residuals of a Recording.
 
-        They are the kind of the residual, the index of the rest where it starts, the index of the
-        rest where it ends, and whether the fit uses it. Velocities are left out if none counts.
+        The arrays have the kind of the residual, the index of the rest where the residual starts,
+        the index of the rest where it ends, and whether the fit uses the residual. Velocities are
+        left out if none counts.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds
@@ -89,8 +90,8 @@ class Factors:
     def rows(self, recording):
         """Return the rests, (N, 2) of int, and the kind, (N,) of str, of N residuals.
 
-        These are the residuals of a Recording that the fit uses. The rests are the indices of those
-        where the residual starts and ends.
+        The N residuals are those of a Recording that the fit uses. The rests are given by the
+        indices of the rest where the residual starts and of the rest where it ends.
         """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
@@ -118,9 +119,9 @@ class Factors:
     def without_rotation(self, recording, state, noise):
         """Return the Factors whose velocity residuals are independent of the rotation residuals.
 
-        From the velocity of each of m moves they subtract the velocity that the residual of its
-        rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from the
-        covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
+        From the velocity of each of m moves the new Factors subtract the velocity that the residual
+        of its rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from
+        the covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
         """
         all_moves = np.ones(len(recording.rotations), dtype=bool)
         factors = replace(self, share=None, quiet=all_moves)
@@ -136,9 +137,9 @@ class Factors:
 class Measurements:
     """Rests and moves of a recording, with the effects linearised about a State.
 
-    `factors` says which of their residuals count. The effects depend on calibrated values of both
-    sensors, which the State `linearisation_point` gives during the whole fit. So the effects are
-    linear in their parameters.
+    `factors` says which residuals of the rests and moves count. The effects depend on calibrated
+    values of both sensors, which the State `linearisation_point` gives during the whole fit. So the
+    effects are linear in their parameters.
     """
 
     factors: Factors

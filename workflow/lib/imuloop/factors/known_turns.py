@@ -17,7 +17,8 @@ class KnownTurns:
 
     T, K and b are the misalignment, the scale factors and the bias of the gyroscope. a is the
     integral of the angular rate over the turn, L its duration, θ its known angle and u its axis, a
-    unit vector. Nominal SI values are raw readings less the data sheet's offset, times its scale.
+    unit vector. Nominal SI values are raw readings minus the offset, times the scale of the data
+    sheet.
     """
 
     turned: np.ndarray  # (m, 3): a, rad, nominal SI
@@ -59,14 +60,14 @@ class KnownTurns:
         x is the state: the 21 parameters of both sensors, without effects, in nominal SI.
         ``R x - z`` are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard
         deviation `BY_HAND`: T K and b are matrix and bias of the gyroscope, a is the integral of
-        the angular rate, L the duration, θ the known angle, and u the axis of the turn. They are
-        linearised about the gyroscope that fits the turns best.
+        the angular rate, L the duration, θ the known angle, and u the axis of the turn. The
+        residuals are linearised about the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
         weights = self.seconds[:, None, None, None] * np.eye(3)
         J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
-        # the residuals are J (x' - x) plus those at x, for a gyroscope with the parameters x'
+        # at the parameters x' of a gyroscope, the residuals are J (x' - x) plus the residuals at x
         z = J @ x - self.errors(sensor).ravel()
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 

@@ -104,7 +104,7 @@ class Linearised:
         half[..., 1:] *= -1
         self.attitude_within = matrix(multiply(self.after, half))
         self.weights = add_at_both_ends(moves.steps / 2)
-        # for each kind of residual of a move, the index of its first one and its components: a rest
+        # for each kind of residual of a move, index of the first and number of components: a rest
         # has one residual of the norm of gravity and three of the rate, so 4 n come before
         self.move_rows, blocks = rotation(self), [(4 * len(rests), 2)]
         if factors.quiet is not None:

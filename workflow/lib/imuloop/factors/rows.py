@@ -21,10 +21,11 @@ class RestRows:
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Their derivative with respect to the p parameters of the sensor: T, K, b, and the parameters
-        of its effects.
+        Derivative of the residuals with respect to the p parameters of the sensor: T, K, b, and the
+        parameters of its effects.
     gain : ndarray, shape (n, a, 3)
-        Their derivative with respect to the mean of each channel, nominal SI (before calibration).
+        Derivative of the residuals with respect to the mean of each channel, nominal SI (before
+        calibration).
     """
 
     residual: np.ndarray

@@ -116,8 +116,8 @@ def allan_curve(stretches, rate, settings):
 def averaging_factors(length, settings):
     """Return averaging factors, numbers of samples m, with tau = m / rate, shape (k,).
 
-    They ascend from 1 in equal steps of the logarithm. `length` is the number of samples of the
-    longest stretch. The array is empty if the stretch is too short.
+    The factors ascend from 1 in equal steps of the logarithm. `length` is the number of samples of
+    the longest stretch. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -127,7 +127,7 @@ def averaging_factors(length, settings):
 
 
 def term_counts(factors, length):
-    """Return the number of overlapping terms in a stretch of `length` samples; 0 if it is below 2.
+    """Return the number of overlapping terms in a stretch of `length` samples, or 0 if below 2.
 
     The averaging factors and the lengths are broadcast against each other.
     """
@@ -151,8 +151,8 @@ def allan_variance(stretches, factors):
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
-    # the sum behind `oadev`, which copies its data for each call; its import takes longer than most
-    # curves
+    # the sum behind `oadev`, as `oadev` copies the data for each call. Imported here because the
+    # import takes longer than most curves
     from allantools.allantools import calc_adev_phase
 
     factors = np.asarray(factors)

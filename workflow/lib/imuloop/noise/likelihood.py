@@ -46,7 +46,7 @@ class MaximumLikelihood:
     """The most likely variances of the terms, and the log-likelihood there."""
 
     theta: np.ndarray  # variances, the factors of the unit spectra, (p,), none negative
-    ramp: float  # SI/s; 0 where it was not fitted
+    ramp: float  # SI/s; 0 if no ramp was fitted
     value: float  # log-likelihood, without its constant
     restricted: float  # the restricted log-likelihood where a ramp was fitted, else `value`
 

@@ -69,7 +69,7 @@ def _fit_corner(selection, kind, near):
 
 
 def _score(selection):
-    """Return the log-likelihood of terms and filter less the price of their parameters."""
+    """Return the log-likelihood of terms and filter minus the price of all their parameters."""
     terms, low_pass = selection.supported, selection.low_pass
     parameters = len(terms) + len(correlation_times(terms))
     if low_pass:

@@ -47,9 +47,9 @@ def _contrasts(start, m):
 
     Takes the first sample of each block of m samples, (k,). The contrasts of a walk are
     uncorrelated.
-    If no gap lies between the blocks, they are the cosine transform, and the distances are those
-    from the first block, (k,). Otherwise the distances are those between all blocks, (k, k). They
-    are in samples.
+    If no gap lies between the blocks, the contrasts are the cosine transform, and the distances are
+    those from the first block, (k,). Otherwise the distances are those between all blocks, (k, k).
+    Distances are in samples.
     """
     n = len(start)
     if (np.diff(start) == m).all():

@@ -80,7 +80,7 @@ class Periodogram:
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the Periodogram of one Signal; None if it is too short, sparse or has no noise.
+        """Return the Periodogram of a Signal; None if that is too short, sparse or without noise.
 
         `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
         """

@@ -85,9 +85,9 @@ def read_recorded(name, files):
 def record_of(session):
     """Return the Record of all rests of a session with two samples or more.
 
-    It is None if the session does not hold such a rest. A rest of a static session has the level of
-    the rest before it, unless a disturbance lies between. Each rest of another session has its own
-    level. A lost sample ends a stretch.
+    The result is None if the session does not hold such a rest. A rest of a static session has the
+    level of the rest before it, unless a disturbance lies between. Each rest of another session has
+    its own level. A lost sample ends a stretch.
     """
     if not len(session.samples):
         return None
@@ -117,9 +117,9 @@ def record_of(session):
 def _steady_rests(segments):
     """Return the rests whose noise is the sensors' own, a mask of the segments, (n,).
 
-    These are all rests, unless the device tilts in some. Then they are those in which it lies
-    still, or else the third in which it tilts least. Of these, rests shorter than half the longest
-    are left out: a small tilt is not seen in them and looks like a walk.
+    These are all rests, unless the device tilts in some rests. Then only rests without a tilt
+    count, or the third with the least tilt if there is none. Of these, rests shorter than half the
+    longest are left out: a small tilt is not seen in them and looks like a walk.
     """
     rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
     if not tilt[rest].any():

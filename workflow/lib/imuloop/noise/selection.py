@@ -1,7 +1,7 @@
 """Which noise terms a record supports.
 
-The terms of a model are a tuple. It holds the letters of Q, N, B, K in this order, 'R' for a ramp,
-and the correlation time of each Gauss-Markov process, s.
+The terms of a model are a tuple. The tuple holds the letters of Q, N, B, K in this order, 'R' for a
+ramp, and the correlation time of each Gauss-Markov process, s.
 """
 
 from dataclasses import dataclass, field, replace
@@ -144,7 +144,7 @@ class Selection:
             failed = [t for t in p if p[t] > self.level]
             if not failed:
                 return terms
-            # no sensor is without white noise: it goes last of those that fail
+            # no sensor is without white noise: of the terms that fail, it is removed last
             worst = max([t for t in failed if t != "N"] or failed, key=p.get)
             terms = without(terms, worst)
 

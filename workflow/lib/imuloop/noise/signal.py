@@ -9,7 +9,7 @@ from scipy import fft
 from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 
 # a power cycle of which a smaller share was recorded is not searched for lines: most of the work
-# would be on the zeros in its gaps, and each line would appear as many of the same height
+# would be on the zeros in the gaps, and each line would appear as many of the same height
 SPARSEST = 16
 
 

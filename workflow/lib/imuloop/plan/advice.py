@@ -1,6 +1,6 @@
 """The parameter that limits a calibration, and the rest or turn that improves it most.
 
-Nominal SI values are raw readings less the data sheet's offset, times its scale.
+Nominal SI values are raw readings minus the offset, times the scale of the data sheet.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -29,7 +29,7 @@ RATE_IN_USE = 100 * DEGREE
 ATTITUDES = np.array([v / np.linalg.norm(v) for v in product((1.0, 0, -1.0), repeat=3) if any(v)])
 # least angle between a new attitude and all earlier rests, rad
 FAR = 40 * DEGREE
-# times of the samples of a turn, as shares of its length
+# times of the samples of a turn, as shares of the length of the turn
 _SHARE = np.linspace(0, 1, 64)[:, None]
 
 
@@ -100,9 +100,9 @@ class Advice:
 def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     """Return the Advice: the parameter that limits a calibration, and the next rest or turn.
 
-    A step adds residuals with the Jacobian J and the covariance R. After it the covariance of the
-    parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from the
-    noise, times the reduced χ² of the calibration if that is above one.
+    A step adds residuals with the Jacobian J and the covariance R. After the step, the covariance
+    of the parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from
+    the noise, times the reduced χ² of the calibration if that is above one.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def simulate_steps(steps, now, calibration, recording):
     now : ndarray, shape (3,)
         Present upward direction on body axes.
     calibration : Calibration
-        It converts true values to nominal SI.
+        Calibration that converts true values to nominal SI.
     recording : Recording
         Poses and rotations so far.
     """

@@ -84,7 +84,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 def rest_noise(samples):
     """Return the NoiseModel of the rests of a session, with flicker and random walk.
 
-    `samples` is the DataFrame of its samples, SI. The estimate takes seconds.
+    `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
     """
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)
