@@ -168,7 +168,8 @@ def _candidate(sensor, choices, kind):
     added = [trial for trial in choice.added if trial.effect.kind == kind]
     trial = added[0] if added else choices.trial(base, kind)
     if trial is None:
-        # it cannot be estimated next to the base: another effect, or the base model, absorbs it
+        # the kind cannot be estimated next to the base: an effect of the base, or the base model,
+        # absorbs it. Its entry then comes from a test without the base
         alike, base, trial = masking_effect(choices, base, kind), (), choices.trial((), kind)
         if alike is None:
             return untried(kind.name, "not_observable", problem.why_no_trial)
@@ -188,6 +189,7 @@ def _candidate(sensor, choices, kind):
     residual_kind, rows = problem.most_changed_rows(choices, base, trial)
     values, std, _ = choices.estimate(base, trial.effect)
     names, heldout = list(trial.effect.parameters), None
+    # held-out error with this kind alone in the model
     if trial.p_value < problem.settings.significance:
         heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
     return {

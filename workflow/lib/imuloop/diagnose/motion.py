@@ -156,9 +156,9 @@ def _too_few_moves(recording, usable, knock, lossy, tilted):
     """Return the reason, text, why too few moves are usable, with a remedy.
 
     `usable` has the usable moves, (m,) of bool. The other arguments are the faults of each of the m
-    moves: `knock`, the velocity that it may lose between two samples, m/s, nan if the specific
-    force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
-    `tilted`, whether a rest at its ends has a tilt.
+    moves: `knock`, the velocity that the move may lose between two samples, m/s, nan if the
+    specific force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
+    `tilted`, whether a rest before or after the move has a tilt.
     """
     why = f"{usable.sum()} of {plural(len(usable), 'move')} without a knock"
     why += " and between rests without a tilt" * bool(tilted.any())

@@ -411,8 +411,8 @@ class PoseProblem:
 def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
 
-    Under each hypothesis, the components of one kind of residual have the likeliest sizes and all
-    others the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
+    Under each hypothesis, the components of one kind of residual have the likeliest sizes and the
+    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
     and the last one has all likeliest sizes.
 
     Parameters

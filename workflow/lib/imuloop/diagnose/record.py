@@ -215,7 +215,7 @@ def compare_rows(problem, linearization, kinds, errors):
 def undersampling_error(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    Both errors come from the noise as estimated.
+    This error, and the error by all other noise, come from the noise as estimated.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def undersampling_error(problem, linearization, floor):
     rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():
         return {}
-    # the last rows belong to the rotations, two each
+    # variances, rad², of a rotation; the last rows belong to the rotations, two each
     others, sampling = (
         np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations)
         for covariance in (noise.by(problem.joint_fit.noise, aliasing=False), noise.of_aliasing())

@@ -47,10 +47,11 @@ def best_steps(search, base, may_give_up=False):
 
 
 def most_promising_step(search, base, earlier=()):
-    """Return log p of the step that one axis shows most clearly, the step, and the number of tries.
+    """Return log p of the step that an axis shows most clearly, the step, and the number of times.
 
     `search` is the Search of static records, which have the means over windows of a rest. Windows
-    close to the `earlier` steps are not tried. The step is None if no window is left. `base` has
+    close to the `earlier` steps are not tried. The number is that of all
+    times that were tried. The step is None if no window is left. `base` has
     the effects that are in the model, the earlier steps included.
     """
     # log p, axis and step; the first entry stands for no step, whose p is one

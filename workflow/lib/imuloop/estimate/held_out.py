@@ -105,8 +105,9 @@ def exceedance_probability(square, covariances):
     """
     moments = np.zeros(3)
     for covariance in covariances:
-        twice = covariance @ covariance
-        moments += np.trace(covariance), np.trace(twice), np.sum(twice * covariance)
+        square_matrix = covariance @ covariance
+        traces = np.trace(covariance), np.trace(square_matrix), np.sum(square_matrix * covariance)
+        moments += traces
     # the k-th cumulant of the sum of squares is proportional to the trace of the k-th power
     dof = moments[1] ** 3 / moments[2] ** 2
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))

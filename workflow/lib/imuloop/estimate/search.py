@@ -364,7 +364,7 @@ class Search:
         The effects are added one after the other, with the constants that fit the training rows
         best. A kind that cannot be estimated is left out.
         """
-        # the first kinds alone are stored, too: choices without a fold ask for them again
+        # the model with all kinds but the last is stored, too, as later calls ask for it
         if kinds and kinds not in self._by_kinds:
             base = self.effects_of_kinds(kinds[:-1])
             trial = self.trial(base, kinds[-1])

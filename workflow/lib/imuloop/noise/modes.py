@@ -23,7 +23,7 @@ BINS, TIMES = 24, 8
 
 
 def expected_squares(covariance):
-    r"""Return the expected squares of a cosine transform, for any covariance, shape (..., n - 1).
+    r"""Return the expected squares of a cosine transform, (..., n - 1), for any covariance.
 
     .. math:: E c_k^2 = \frac{1}{n} \left[ \sum_{|d|<n} \gamma_d (n - |d|) \cos \omega d
         - \frac{2}{\sin \omega} \sum_{d \ge 0} \gamma_d \sin \omega d \right],
@@ -253,7 +253,10 @@ def _block_length(lengths):
 
 
 def _pieces(signals, m):
-    """Return the pieces of all power cycles that hold a contrast, for blocks of m samples."""
+    """Return the pieces of all power cycles, a list of _Piece, for blocks of m samples.
+
+    A piece in which no level has two blocks has no contrast, and is left out.
+    """
     pieces = []
     for cycle, signal in enumerate(signals):
         ends = np.cumsum(signal.lengths)

@@ -149,7 +149,10 @@ class Selection:
             terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
-        """Return the terms with the absent term that passes its test best, if one passes."""
+        """Return the terms with the absent term that passes its test best, if one passes.
+
+        A Gauss-Markov process is added only if no other absent term passes.
+        """
         p = {t: self.p_value(t, plus(terms, t)) for t in self.candidates if t not in terms}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
