@@ -196,9 +196,8 @@ def knocks(recording, gyroscope_bias):
 
     A knock shorter than a sample interval may not be sampled. So the result is the largest velocity
     that one of the sample intervals of a move may hide, ``|Δf + w × f Δt| Δt`` for the change Δf of
-    specific force. A move in which the specific force is saturated has nan.
-    `gyroscope_bias`, (3,), is in
-    nominal SI, rad/s.
+    specific force. A move in which the specific force is saturated has nan. `gyroscope_bias`, (3,),
+    is in nominal SI, rad/s.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
@@ -209,8 +208,8 @@ def hidden_velocity(recording, gyroscope_bias):
 
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
     third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
-    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`,
-    (3,), is in nominal SI (raw readings by the data sheet), rad/s.
+    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`, (3,),
+    is in nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):

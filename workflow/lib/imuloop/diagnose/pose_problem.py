@@ -315,8 +315,7 @@ class PoseProblem:
         """Return the Hypotheses of the one group of rows if its residuals were `values`, (N,).
 
         The two hypotheses are the noise as estimated, and the noise that is most likely for these
-        residuals.
-        `base` has the effects in the model.
+        residuals. `base` has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
         likelihood = linearization.likelihood
@@ -412,8 +411,8 @@ def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
 
     Under each hypothesis, the components of one kind of residual have the likeliest sizes and the
-    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
-    and the last one has all likeliest sizes.
+    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
+    has all sizes as estimated, and the last one has all likeliest sizes.
 
     Parameters
     ----------

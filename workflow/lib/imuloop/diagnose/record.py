@@ -223,8 +223,8 @@ def undersampling_error(problem, linearization, floor):
     linearization : Linearization
         The fit of all poses.
     floor : float
-        Held-out error of the rotations that the noise alone gives, rad. Both errors together
-        are not larger than this floor.
+        Held-out error of the rotations that the noise alone gives, rad. Both errors together are
+        not larger than this floor.
 
     Returns
     -------

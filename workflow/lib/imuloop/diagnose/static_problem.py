@@ -156,7 +156,8 @@ def ratios(span, length):
     `span` S and windows of `length` τ, s. In mode k of the record, of k half waves, the variance of
     flicker is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
     ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
-    noise in the middle mode. The prior is uniform in the logarithm of each ratio.
+    noise in the middle mode. A ratio is zero with the prior probability `ABSENT`; else the prior is
+    uniform in the logarithm of the ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
@@ -213,9 +214,9 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as the errors of a fit of the effects to the records: κ is the largest ratio of ``dᵀ
-    P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over the
-    noise hypotheses, the covariances that the noise may have.
+    as large as the errors of a fit of the effects to the records: κ is the largest ratio of
+    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
+    the noise hypotheses, the covariances that the noise may have.
 
     Parameters
     ----------

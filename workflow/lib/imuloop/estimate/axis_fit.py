@@ -122,8 +122,8 @@ def log_f_tail(statistic, q, dof):
 
     The distribution has q and `dof` degrees of freedom. `statistic` is F, a float or an array; the
     result has its shape. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
-    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too
-    small for a floating point number is replaced by the leading term of this function,
+    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too small for a floating
+    point number is replaced by the leading term of this function,
     ``x^a (1-x)^(b-1) / (a B(a, b))``.
     """
     a, b = dof / 2, q / 2

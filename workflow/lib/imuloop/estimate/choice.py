@@ -45,8 +45,8 @@ class Choices(Search):
     def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        A row is one scalar residual per axis, and a fold has the rows that are held out together.
-        A row is predicted by a fit to the rows of the other folds. `choose_effects` is a function
+        A row is one scalar residual per axis, and a fold has the rows that are held out together. A
+        row is predicted by a fit to the rows of the other folds. `choose_effects` is a function
         that takes the Search in these rows and returns the effects of the fit, a tuple. The errors
         of rows of no fold are nan.
         """
@@ -59,7 +59,7 @@ class Choices(Search):
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
-            # each fold has its own fit, and all together need much memory
+            # the fit without this fold is deleted, as those of all folds together need much memory
             search.training_fit(effects).release()
         return errors
 

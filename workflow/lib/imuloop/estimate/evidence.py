@@ -64,9 +64,8 @@ class Pattern:
     """The derivative of all N rows, on a axes, with respect to the q parameters of an effect.
 
     The effect has values of its constants, such as a time constant: it is one variant of its kind
-    of effect.
-    `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for each
-    parameter that its rows depend on.
+    of effect. `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for
+    each parameter that its rows depend on.
     """
 
     effect: object  # the Effect or SensorEffect, with its constants
@@ -193,8 +192,7 @@ class Evidence:
         Returns
         -------
         ndarray, shape (k,) of int
-            For each column the index of its parameter in the list of all parameters of
-            `effects`.
+            For each column the index of its parameter in the list of all parameters of `effects`.
         ndarray, shape (k,)
             The norm that each column was divided by. The coefficient of a column is the parameter
             times this norm.

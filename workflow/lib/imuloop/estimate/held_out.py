@@ -22,10 +22,10 @@ def fold_fits(values, weights, jacobian, row_folds):
     A fold has the rows (scalar residuals) that are held out together. The fit to the training
     residuals r_s, those outside the fold, has the parameters ``A r_s``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of the covariance of the training residuals and J is
-    their Jacobian. The held-out error of the residuals r_h, with the Jacobian J_h, is ``E r = r_h -
-    J_h A r_s``. E is linear, so the covariance of the errors is ``E Σ Eᵀ`` with the covariance Σ of
-    all residuals. Slow noise that training and held-out rows share cancels there as far as a fitted
-    bias follows it.
+    their Jacobian. The held-out error of the residuals r_h, with the Jacobian J_h, is
+    ``E r = r_h - J_h A r_s``. E is linear, so the covariance of the errors is ``E Σ Eᵀ`` with the
+    covariance Σ of all residuals. Slow noise that training and held-out rows share cancels there as
+    far as a fitted bias follows it.
 
     Parameters
     ----------

@@ -60,8 +60,8 @@ class Fit:
 def fit(linearise, x0, covariance, prior=None, first=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` over the parameters x; R and z are a prior.
 
-    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. The solver scales
-    each parameter by the norm of the column of the Jacobian that belongs to it.
+    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. The solver scales each
+    parameter by the norm of the column of the Jacobian that belongs to it.
 
     Parameters
     ----------

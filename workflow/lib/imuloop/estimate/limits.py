@@ -2,8 +2,7 @@
 
 A row is one scalar residual. A column is the derivative of all rows on one axis with respect to one
 parameter of the effect, scaled to length one. The size of a column is the parameter times the norm
-of that derivative. A noise
-hypothesis is one covariance that the noise of the rows may have.
+of that derivative. A noise hypothesis is one covariance that the noise of the rows may have.
 """
 
 from dataclasses import dataclass, replace
@@ -61,8 +60,9 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     """
     problem, limits = search.problem, {}
     training_fit = search.training_fit(base)
-    pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
-    for axis, columns in enumerate(moved.columns):
+    # patterns of the tested effect, and of the effect that the data are assumed to have
+    pattern, in_data = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
+    for axis, columns in enumerate(in_data.columns):
         fit = training_fit.fit((*base, trial.effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
@@ -92,10 +92,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
                     problem, sizes[part], passes[part]
                 )
         first = first_size(passes)
-        for k, index in enumerate(moved.parameters[axis]):
+        for k, index in enumerate(in_data.parameters[axis]):
             if first[k] < len(SIZES):
                 name = list(trial.effect.parameters)[index]
-                limits[name] = float(sizes[first[k], k] / moved.scale[axis][k])
+                limits[name] = float(sizes[first[k], k] / in_data.scale[axis][k])
     return {name: limits[name] for name in trial.effect.parameters if name in limits}
 
 

@@ -165,9 +165,9 @@ class SizeLikelihood:
     def maximise(self, values, start=None, rise=RISE):
         """Return the most likely sizes, (k,), of the k components for n residuals.
 
-        The search takes Newton steps in the squares of the sizes, within the bounds. A step
-        uses the average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component
-        k at size one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. The information is divided by the
+        The search takes Newton steps in the squares of the sizes, within the bounds. A step uses
+        the average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component k at
+        size one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. The information is divided by the
         reduced χ² if that is above one, because the information falls by this factor once the sizes
         have grown. Each step is damped until the likelihood rises.
 

@@ -229,8 +229,7 @@ class Search:
 
         The result is the values of the parameters, (p,), their standard errors, (p,), and their
         covariance, (p, p), SI. All are averaged over the noise hypotheses and combined from all
-        axes. Parameters that no axis
-        can estimate are zero.
+        axes. Parameters that no axis can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
         for axis in range(training_fit.evidence.axes):
@@ -264,10 +263,10 @@ class Search:
         """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if the size of its log p is at
-        least half (`AS_CLEARLY`) of the size of the other's log p, because the log shows the cause
-        of such an effect, the temperature. Formulas, effects without a known cause, are tried if no
-        other effect passes. `base` has the effects in the model.
+        an effect of time or of the past temperature if the size of its log p is at least half
+        (`AS_CLEARLY`) of the size of the other's log p, because the log shows the cause of such an
+        effect, the temperature. Formulas, effects without a known cause, are tried if no other
+        effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)

@@ -134,8 +134,8 @@ class TrainingFit:
         `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
         precision of the training rows after the nuisance parameters are projected out. The
         correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x is
-        ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis.
-        A fit compares this square with what the nuisance parameters and other columns leave of x.
+        ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis. A
+        fit compares this square with what the nuisance parameters and other columns leave of x.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:

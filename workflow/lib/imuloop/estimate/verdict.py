@@ -63,8 +63,8 @@ def compare_with_noise(groups, log_prior, fitted=0):
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
     fitted : int
-        Number of fitted parameters that are not columns of a Jacobian, which is subtracted from
-        the degrees of freedom of every kind.
+        Number of fitted parameters that are not columns of a Jacobian, which is subtracted from the
+        degrees of freedom of every kind.
 
     Returns
     -------

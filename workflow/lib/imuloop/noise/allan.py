@@ -143,9 +143,9 @@ def allan_variance(stretches, factors):
 
     Stretch s has :math:`n_s` samples, :math:`M_s` terms and the Allan variance
     :math:`\sigma_s^2(m)`. Takes evenly sampled stretches of any unit and averaging factors m,
-    ascending. No term reaches
-    over the end of a stretch. So a gap, a knock or a change of level between two stretches does not
-    matter. The variance is not-a-number where no stretch is long enough.
+    ascending. No term reaches over the end of a stretch. So a gap, a knock or a change of level
+    between two stretches does not matter. The variance is not-a-number where no stretch is long
+    enough.
 
     References
     ----------

@@ -46,11 +46,11 @@ def _second_order_sampled(frequency, corner):
 def _spline(degree, frequency, corner):
     """Return the power gain, (k,), of values that were held, averaged or interpolated.
 
-    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate.
-    White noise of a sensor that is resampled in such a way has an autocorrelation that is a
-    B-spline of the lag, in intervals of the sensor or of the average. The `degree` is 1 for values
-    that are held or averaged, 3 for values that are interpolated, and 5 for values that are
-    averaged three times. The power gain is the Fourier transform of the autocorrelation.
+    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate. White
+    noise of a sensor that is resampled in such a way has an autocorrelation that is a B-spline of
+    the lag, in intervals of the sensor or of the average. The `degree` is 1 for values that are
+    held or averaged, 3 for values that are interpolated, and 5 for values that are averaged three
+    times. The power gain is the Fourier transform of the autocorrelation.
     """
     spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
     covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
@@ -106,10 +106,10 @@ def density(noise, f, rate):
         + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
     Q, N, B and K are the coefficients of quantisation, white noise, flicker and random walk. A
-    Gauss-Markov process has the coefficient q and the correlation time T; several processes add.
-    If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
-    density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
-    and adds nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
+    Gauss-Markov process has the coefficient q and the correlation time T; several processes add. If
+    there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no density:
+    each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic and adds
+    nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
 
     References
     ----------

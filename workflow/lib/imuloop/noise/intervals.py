@@ -42,7 +42,7 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
         if name not in terms:
             # the sign of a ramp is not known
             limit = _crossing(deviate, start, EITHER if name == "R" else LIMIT)
-            coefficients[name] = Coefficient(None, None, limit, False)
+            coefficients[name] = Coefficient(upper95=limit)
             continue
         value = float(abs(fit.ramp) if name == "R" else np.sqrt(theta[name]))
         start = log(value) if value else start
@@ -50,7 +50,7 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
         if name == "N" and value:
             low, high, upper = (value * (end / value) ** n_factor for end in (low, high, upper))
         ends = min(low, value), max(high, value)
-        coefficients[name] = Coefficient(value, ends, max(upper, value), True)
+        coefficients[name] = Coefficient(value, ends, upper95=max(upper, value), identifiable=True)
     processes = [_process(selection, terms, wide, tc) for tc in correlation_times(terms)]
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
@@ -117,5 +117,5 @@ def _process(selection, terms, wide, tc):
     q, q_error, tc_error = sqrt(2 * variance / tc), sqrt(errors[0, 0]), sqrt(errors[1, 1])
     ends = tc * np.exp(tc_error * np.array([LOW, HIGH, LIMIT]))
     low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
-    time = Coefficient(tc, (low, high), upper, True)
+    time = Coefficient(tc, (low, high), upper95=upper, identifiable=True)
     return GaussMarkovTerm(Coefficient.of(q, q * q_error), time)

@@ -141,6 +141,7 @@ class Likelihood:
         for _ in range(ROUNDS):
             taken = 0.0
             if ramp is None:
+                # `taken` is the power that the fitted ramp takes from the slow modes
                 slope, information = self.ramp(expected)
                 power = self.power(slope)
                 taken = np.zeros(len(power))

@@ -39,9 +39,9 @@ def find_line(signals, spectrum, level):
     """Return the most significant Line; None if noise explains it.
 
     A line is the highest peak of a `Periodogram` over its background, if the chance of such a peak
-    in noise is below the level. Each signal is tested alone, but the chance is that of such a
-    peak at any independent frequency of any signal. Powers of two sessions do not add:
-    their clocks differ by more than the width of a line.
+    in noise is below the level. Each signal is tested alone, but the chance is that of such a peak
+    at any independent frequency of any signal. Powers of two sessions do not add: their clocks
+    differ by more than the width of a line.
 
     Parameters
     ----------

@@ -13,11 +13,11 @@ TOGETHER = GROUPS // 2
 def misfit(selection, terms):
     r"""Return the largest relative misfit of a spectrum, and weights of its rows that follow.
 
-    The power over the expected power, r, of n values is a chi-square variable over n: ln r
-    has the mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each
-    group of rows, over half a decade to each side, the mean square of the logarithm minus its
-    expected value exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it
-    counts as one error that is common to half a decade.
+    The power over the expected power, r, of n values is a chi-square variable over n: ln r has the
+    mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each group of
+    rows, over half a decade to each side, the mean square of the logarithm minus its expected value
+    exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it counts as one
+    error that is common to half a decade.
 
     Takes a Selection and its supported terms.
 

@@ -30,9 +30,9 @@ def expected_squares(covariance):
         \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
     :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. The covariance of two
-    values that lie d apart is :math:`\gamma_d`; `covariance`, (..., n), has it at the lags
-    0 ... n - 1. It may be a generalised covariance, which holds for contrasts only, since all
-    coefficients with k > 0 are contrasts.
+    values that lie d apart is :math:`\gamma_d`; `covariance`, (..., n), has it at all lags d from 0
+    on. It may be a generalised covariance, which holds for contrasts only, since all coefficients
+    with k > 0 are contrasts.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -46,10 +46,9 @@ def _contrasts(start, m):
     """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
 
     Takes the first sample of each block of m samples, (k,). The contrasts of a walk are
-    uncorrelated.
-    If no gap lies between the blocks, the contrasts are the cosine transform, and the distances are
-    those from the first block, (k,). Otherwise the distances are those between all blocks, (k, k).
-    Distances are in samples.
+    uncorrelated. If no gap lies between the blocks, the contrasts are the cosine transform, and the
+    distances are those from the first block, (k,). Otherwise the distances are those between all
+    blocks, (k, k). Distances are in samples.
     """
     n = len(start)
     if (np.diff(start) == m).all():

@@ -13,9 +13,9 @@ def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of means over m samples for each process, SI, of the shape of `d`.
 
     The first four are for unit Q, N, B, K. The others are for Gauss-Markov processes of variance 1,
-    one for each of the correlation times, s. `d` is the distance from the start of one mean
-    to that of the other in samples, 0 or at least m, in an evenly sampled record; `dt` is the
-    sample interval Δt, s. For single samples, with m = 1 and the correlation time T, it is:
+    one for each of the correlation times, s. `d` is the distance from the start of one mean to that
+    of the other in samples, 0 or at least m, in an evenly sampled record; `dt` is the sample
+    interval Δt, s. For single samples, with m = 1 and the correlation time T, it is:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;

@@ -97,8 +97,7 @@ class Selection:
 
         `terms` include the term. Twice the gain in log-likelihood is a chi-square variable of one
         degree for a ramp. For a variance, which cannot be negative, the gain is 0 in half of all
-        cases.
-        A correlation time is the best of several that were tried.
+        cases. A correlation time is the best of several that were tried.
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0

@@ -38,8 +38,8 @@ def fit_sinusoid(signal, frequency):
     for _ in range(ROUNDS):
         products = _products(signal, frequency)
         cosine, sine = np.linalg.solve(products[1:4, 1:4], products[1:4, 0])[1:]
-        # derivative of the sinusoid by the frequency at the time u span/2:
-        # pi span u (sine cos - cosine sin), with the amplitudes `sine` and `cosine`
+        # derivative of the sinusoid by the frequency at the time u span/2, with the amplitudes
+        # `sine` and `cosine`: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
         mix[4, 4:] = np.pi * (signal.extent - 1) / signal.rate * np.array([sine, -cosine])
         gram = mix @ products @ mix.T

@@ -176,8 +176,7 @@ def candidates(up):
 
     These are rests far from all earlier rests, as an effect can hide in an attitude that was never
     tried. If there is no such attitude, they are rests far from the last rest, and turns about each
-    axis.
-    `up`, (n, 3), are the upward directions of the rests on body axes.
+    axis. `up`, (n, 3), are the upward directions of the rests on body axes.
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
