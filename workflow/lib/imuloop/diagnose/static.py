@@ -272,7 +272,7 @@ def static_content(sensor, finding, noise, noise_change):
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
     content = search_content(finding.choices, effects, finding.reasons, sensor)
     for entry, trial in zip(content["effects"], finding.choices.choice().added, strict=True):
-        # errors on one axis show that the effect was tested on this axis only
+        # a change of the errors of one axis only: the effect was judged on this axis
         entry["axis"] = axes[trial.axis] if trial.change.before.shape[1] == 1 else None
     names = {candidate["name"] for candidate in content["candidates"]}
     content["candidates"] += [

@@ -48,9 +48,9 @@ class TrainingFit:
     def _roots(self):
         """The matrix R of each group of rows, (h, u, u), upper triangular: ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
-        U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
-        unit vector for each held-out row: with its own parameter, the row has no influence. Then it
-        has the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
+        U, (n, u), has the columns that are projected out of the n rows of the group. First U has a
+        unit vector for each held-out row: a row with its own parameter has no influence. Then U has
+        the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
         inverse of the covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence

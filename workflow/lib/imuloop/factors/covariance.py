@@ -28,6 +28,7 @@ class ChannelMeans:
     """
 
     def __init__(self, rests, moves):
+        """Compute the start and end of each window, s, `windows`, (M, 2)."""
         self.rests = rests
         ends = np.linspace(moves.start_s, moves.end_s, PARTS + 1)
         parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
@@ -100,6 +101,7 @@ class ResidualCovariance:
     """
 
     def __init__(self, linearised):
+        """Store the residuals of moves, and compute how all residuals depend on the means."""
         measured, self.means = linearised.measured, linearised.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
         self.rows, self.places = linearised.move_rows, linearised.places
@@ -228,10 +230,10 @@ class ResidualCovariance:
 
 
 def _integrate_parts(values, seconds, passed):
-    """Return integrals over time of values over `PARTS` parts of each move, (m, PARTS, a, 3).
+    """Return the integrals of values over `PARTS` equal parts of each move, (m, PARTS, a, 3).
 
     `values`, (m, k, a, 3), has k values per move. `seconds`, (m, k), is the time that each value
-    lasts, and `passed`, (m, k), its time since the start of the move, s.
+    lasts, and `passed`, (m, k), the time from the start of the move to each value, s.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]

@@ -5,7 +5,8 @@ from scipy.special import sici, xlogy
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
-# means of fewer than SHORT samples, less than NEAR of their lengths apart, are sums, not integrals
+# the covariance of means of fewer than SHORT samples, less than NEAR of their lengths apart, is
+# computed by sums, not integrals
 SHORT, NEAR = 64, 32
 
 
@@ -55,7 +56,7 @@ def _flicker_means(d, m):
 
     If sums may be taken as integrals, it is a constant plus :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`
     with x = d/m and the second difference :math:`\Delta^2`. If the means are near each other and
-    short, it is the sum over all pairs of samples.
+    short, it is the mean over all pairs of samples.
     """
 
     def k(x):

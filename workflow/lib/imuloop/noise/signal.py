@@ -67,11 +67,12 @@ class Signal:
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return the stretches with gaps of a few samples closed up, without values.
+        """Return the stretches with gaps of a few samples closed up, a Signal without values.
 
-        White noise stays white and flicker stays flicker. A line does not stay a line. A walk or a
-        ramp goes on within the gaps, so it seems to change more from sample to sample: it looks
-        larger by up to the share of missing samples.
+        A longer gap, or a new level, still ends a stretch. White noise stays white and flicker
+        stays flicker. A line does not stay a line. A walk or a ramp goes on within the gaps, so it
+        seems to change more from sample to sample: it looks larger by up to the share of missing
+        samples.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
