@@ -49,7 +49,7 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     problem : PoseProblem
         The rows of the record.
     kinds_by_sensors : dict of tuple to tuple
-        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+        For each tuple of names of sensors, the kinds of residuals that judge these sensors.
     reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
@@ -90,7 +90,7 @@ def judge_residuals(choices, kinds_by_sensors):
     choices : Choices
         The searches and the choice of effects.
     kinds_by_sensors : dict of tuple to tuple
-        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+        For each tuple of names of sensors, the kinds of residuals that judge these sensors.
 
     Returns
     -------

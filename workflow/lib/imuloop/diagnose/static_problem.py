@@ -216,7 +216,8 @@ def information(search, base, effects):
     the precision of the noise after the levels of the records are projected out. κ makes the errors
     as large as the errors of a fit of the effects to the records: κ is the largest ratio of
     ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
-    the noise hypotheses, the covariances that the noise may have.
+    the noise hypotheses, the covariances that the noise may have. The result is the sum over all
+    axes.
 
     Parameters
     ----------

@@ -101,8 +101,8 @@ class JointFit:
             Covariance by the noise of known size.
         list of Component
             Flicker and random walk of each channel whose size the noise model gives with a standard
-            error: this value and its error are the prior of the size. The last component, if there
-            are such rotations, is the error of rotations that were sampled too slowly.
+            error: this value and its error are the prior of the size. If rotations were sampled too
+            slowly, the last component is the error of these rotations.
         list of Component
             For each kind of residual an excess, independent noise of unknown size: errors that the
             model lacks, and the motion of a hand, which do not average out over a rest.

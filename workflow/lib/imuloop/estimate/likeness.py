@@ -35,12 +35,13 @@ def share_on_axes(training_fit, first, second):
 def imitated_share(training_fit, first, second):
     """Return the share of the first effect that the second one imitates on one axis.
 
-    The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
-    derivatives of all rows with respect to their parameters, after the nuisance parameters, which
-    every fit has, are projected out. The second effect explains at least this share of the square
-    of the first one, for any parameters of the first. The share is zero if the second has fewer
-    columns, or if the columns of one effect are linearly dependent. Products of columns are
-    weighted with the inverse of the noise covariance that is likeliest without effects.
+    The pattern of an effect is the derivative of all rows with respect to its parameters. The share
+    is ``cos²`` of the largest principal angle between the patterns of both effects, after the
+    nuisance parameters, which every fit has, are projected out. The second effect explains at least
+    this share of the square of the first one, for any parameters of the first. The share is zero if
+    the second has fewer columns, or if the columns of one effect are linearly dependent. Products
+    of columns are weighted with the inverse of the noise covariance that is likeliest without
+    effects.
 
     Parameters
     ----------

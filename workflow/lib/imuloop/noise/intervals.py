@@ -90,8 +90,9 @@ def _profile(selection, model, name):
 def _crossing(deviate, u, wanted):
     """Return the coefficient, SI, at which a profile has a wanted value, or 0.
 
-    Takes the function and the logarithm u to begin at that `_profile` returns. The result is 0 if
-    the profile does not have the wanted value within the search.
+    Takes `deviate`, the profile as a function of the logarithm of the coefficient, and the
+    logarithm u at which the search begins. The result is 0 if the profile does not have the wanted
+    value within the search.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:

@@ -26,16 +26,16 @@ def weighted_nnls(units, target, weight):
 
 
 def _normalised(columns):
-    """Return columns, (r, p), over their norms, and the norms, (p,); 1 for a column of zeros."""
+    """Return columns, (r, p), over their norms, and the norms, (p,), with 1 for a zero column."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     return columns / size, size
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return where a function of a positive number is largest between two ends.
+    """Return the number from `low` to `high`, both positive, at which a function is largest.
 
-    The result is right within the relative error `close`.
+    The result has at most the relative error `close`.
     """
     ends = np.log([low, high])
     return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))

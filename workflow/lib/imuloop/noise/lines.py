@@ -18,7 +18,7 @@ WANDER, CLOCK = 1e-3, 2e-4
 
 @dataclass(frozen=True)
 class Line:
-    """Line of one axis.
+    """A line in the spectrum of one axis.
 
     `frequency`, Hz, and `amplitude`, SI of the axis, are those in the signal where the line stands
     out most. The amplitude is too low if the line wanders. `sinusoids` holds the FittedSinusoid of
