@@ -169,7 +169,7 @@ def product_limits(truth, sessions, folder):
     for formula, (sensor, axis, _) in PRODUCTS.items():
         for one in (p for p in each[sensor] if (p.formula, p.axis) == (formula, axis)):
             trial = search.test((), SensorEffect(one, sensor))
-            trial = trial and replace(trial, tries=np.log(len(each[sensor])))
+            trial = trial and replace(trial, log_tries=np.log(len(each[sensor])))
             limits = detection_limits(search, (), trial, POWER) if trial else {}
             found |= dict.fromkeys([formula], *limits.values())
     return found

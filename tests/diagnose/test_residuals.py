@@ -13,7 +13,12 @@ from imuloop.estimate.held_out import (
     rms_norm,
 )
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.verdict import NoiseComparison, above_floor, of_calibration, why_not_shown
+from imuloop.estimate.verdict import (
+    NoiseComparison,
+    above_floor,
+    calibration_verdict,
+    why_not_shown,
+)
 from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth
 
@@ -131,4 +136,4 @@ def test_the_verdict_of_a_calibration_is_the_worst_of_what_it_is_from(verdicts, 
     """Protects what `apply` and exports say: a better record hides no unexplained one."""
     added = ("explained", "partly_explained")
     records = {k: {"verdict": v, "effects": [1] * (v in added)} for k, v in verdicts.items()}
-    assert of_calibration(records, static) == expected
+    assert calibration_verdict(records, static) == expected

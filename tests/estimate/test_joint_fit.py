@@ -100,7 +100,7 @@ def plain_fit(made, gravity):
     """
     n, base = len(made.poses), np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
     base[-3:] = np.average(made.poses.w, axis=0, weights=made.poses.duration_s)
-    measured = Factors(gravity).about(made, State(base))
+    measured = Factors(gravity).linearised_about(made, State(base))
     # the angles between gravity as it is carried and as it is measured come after the rates
     for own, rows in ((slice(0, 9), slice(0, n)), (slice(9, 18), slice(4 * n, None))):
 

@@ -97,7 +97,7 @@ CASES = {
     "log.xls": (lambda path: path.write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1" + bytes(600)), SHEET),
     **{f"lfs.{end}": (lambda path: path.write_text(POINTER), LFS)
        for end in ("csv", "parquet", "mat", "bag", "npy", "zip", "dat")},
-    "log.npy": (lambda path: np.save(path, {"a": 1}), "a pickled object, which is not loaded: save numbers"),
+    "log.npy": (lambda path: np.save(path, {"a": 1}), "object, which is not loaded: save numbers"),
     "many.npz": (lambda path: np.savez_compressed(path, t=np.zeros(10**7)), TOO_MUCH),
     "long.npy": (announced, BROKEN),
     "long.npz": (announced, "does not fit the memory"),

@@ -141,7 +141,9 @@ def calibrate(
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
-    count = len(logs) + len(chain.stages())
+    # a folder that is removed gets Allan curves only when a picture needs them
+    todo = [stage for stage in chain.stages() if folder or stage is not chain.allan]
+    count = len(logs) + len(todo)
     # the time that is left is not known: stages differ
     shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
     stages = tqdm(total=count, disable=not progress, leave=False, bar_format=shown)
@@ -151,14 +153,11 @@ def calibrate(
             bar.set_description(f"ingest {session}")
             _ingest(device, session, log, declared)
             bar.update()
-        for stage in chain.stages():
+        for stage in todo:
             bar.set_description(stage.__name__)
             stage(device)
             bar.update()
-        result = Result(device, None if folder else kept)
-        if folder:
-            # a folder that is kept holds all files of a device
-            result.write_curves()
+    result = Result(device, None if folder else kept)
     for text in (*result.failures, *result.notes):
         # the warning names the line that calls `imuloop.calibrate`
         warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)

@@ -266,10 +266,10 @@ def report(devices, command, family=None, failures=()):
 
 def stages():
     """Return the functions of the stages that make results from samples, in order, a tuple."""
-    return segment, noise, calibrate, diagnose
+    return segment, noise, calibrate, diagnose, allan
 
 
 def run(device):
     """Call all stages that follow ingest on a Device."""
-    for stage in (*stages(), allan, report_device):
+    for stage in (*stages(), report_device):
         stage(device)

@@ -93,10 +93,10 @@ class Result:
         """The report's figures, `imuloop.plot.Plots`."""
         from imuloop.plot import Plots
 
-        self.write_curves()
+        self._write_curves()
         return Plots(self.device)
 
-    def write_curves(self):
+    def _write_curves(self):
         """Write the Allan curves of the sessions, which only pictures show, unless they exist."""
         if not all(files["allan"].exists() for files in self.device.sessions.values()):
             chain.allan(self.device)
@@ -111,7 +111,7 @@ class Result:
         from imuloop.report.report import write_report
 
         path, folder = Path(path), self.device.folder
-        self.write_curves()
+        self._write_curves()
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {

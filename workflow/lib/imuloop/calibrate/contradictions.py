@@ -144,7 +144,7 @@ def sensor_errors(sensor, recording):
     moves = replace(moves, w=moves.w - bias[:, None])
     recording = replace(recording, poses=replace(poses, f=f), rotations=moves)
     state = State(np.append(x, NOMINAL[9:]))
-    linearised = Factors(1.0).about(recording, state).at(state.x)
+    linearised = Factors(1.0).linearised_about(recording, state).at(state.x)
     residual, jacobian = linearised.residual, linearised.jacobian
     if sensor == "accelerometer":
         design = jacobian[:n, None, :9]

@@ -13,8 +13,9 @@ from imuloop.model.effect import Effect
 def candidates(sensor, record, channels):
     """Return the variants to try on a sensor, and the effects that are not tried.
 
-    A variant is an effect with values of its constants, such as a time constant. Effects that only
-    motion shows are in neither result.
+    A variant is an effect with values of its constants, such as a time constant. Effects that this
+    kind of record does not show are in neither result, unless the effect itself says why rests
+    cannot show it (`unobservable`).
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
     Parameters
     ----------
     problem : PoseProblem or StaticProblem
-        It has N rows, which are components of residuals, on a axes.
+        Problem with N rows, which are components of residuals, on a axes.
     kinds : sequence of str
         Kinds of residuals.
     comparisons : pair of list of NoiseComparison
@@ -167,7 +168,8 @@ def _candidate(sensor, choices, kind):
     added = [trial for trial in choice.added if trial.effect.kind == kind]
     trial = added[0] if added else choices.trial(base, kind)
     if trial is None:
-        # it cannot be estimated next to the base: another effect, or the base model, absorbs it
+        # the kind cannot be estimated next to the base: an effect of the base, or the base model,
+        # absorbs it. Its entry then comes from a test without the base
         alike, base, trial = masking_effect(choices, base, kind), (), choices.trial((), kind)
         if alike is None:
             return untried(kind.name, "not_observable", problem.why_no_trial)
@@ -187,6 +189,7 @@ def _candidate(sensor, choices, kind):
     residual_kind, rows = problem.most_changed_rows(choices, base, trial)
     values, std, _ = choices.estimate(base, trial.effect)
     names, heldout = list(trial.effect.parameters), None
+    # held-out error with this kind alone in the model
     if trial.p_value < problem.settings.significance:
         heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
     return {
@@ -232,15 +235,15 @@ def _status(choices, base, trial):
 def _by_slow_noise(search, base, trial):
     """Return whether a trial fails only because of noise that is slower than was estimated.
 
-    It fails under all noise hypotheses, the covariances that the noise may have, together, but
-    would pass under those without more slow noise than was estimated. `search` is the Search of all
-    data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
+    The trial fails under all noise hypotheses, the covariances that the noise may have, together,
+    but would pass under those without more slow noise than was estimated. `search` is the Search of
+    all data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
     """
     if trial.log_p < search.threshold(len(base)):
         return False
     mask = search.training_fit(base).evidence.as_estimated_mask
     (as_estimated,) = search.tests(base, (trial.effect,), mask)
-    return bool(as_estimated and as_estimated.log_p + trial.tries < search.threshold(len(base)))
+    return bool(as_estimated and as_estimated.log_p + trial.log_tries < search.threshold(len(base)))
 
 
 def size_of(problem, kind, errors):

@@ -25,7 +25,7 @@ from imuloop.diagnose.reference import diagnose_reference
 from imuloop.diagnose.static import diagnose_static, static_tests
 from imuloop.diagnose.static_means import read_static
 from imuloop.diagnose.tables import moves_table, poses_table
-from imuloop.estimate.verdict import not_testable, of_calibration
+from imuloop.estimate.verdict import calibration_verdict, not_testable
 from imuloop.model.calibration import Calibration
 from imuloop.model.calibration_faults import implausible_values
 from imuloop.model.prior import data_sheet
@@ -69,7 +69,7 @@ def diagnose_device(
     Parameters
     ----------
     device : str
-        Its name.
+        Name of the device.
     gravity : float
         Local gravity, m/s^2.
     sessions : dict of str to dict
@@ -96,16 +96,18 @@ def diagnose_device(
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # static records come first: the poses get their effects, and the noise without these effects
+    # static records come first: the poses are diagnosed with the effects that static records show,
+    # and with the noise without these effects
     static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
     # this noise is also without a ramp, which poses do not have but which would add slow noise
     noise, has_static_session = static.noise, "static" in data.kinds.values()
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns)
-    # a long rest in the log of the poses gives no effects: the poses themselves show them better
-    shown = static if has_static_session else None
-    problem = joint_fit and pose_problem(joint_fit, recording, settings, tests, shown)
+    # without a static session, a long rest in the log of the poses is a static record. Its effects
+    # are not used here: the poses themselves show effects better
+    for_poses = static if has_static_session else None
+    problem = joint_fit and pose_problem(joint_fit, recording, settings, tests, for_poses)
     poses = diagnose_poses(problem, reasons)
     # a sensor whose data contradict each other keeps its nominal scale
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
@@ -168,7 +170,8 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     base : Calibration
         The calibration of the stage before, without effects.
     poses : PoseResult
-        A sensor takes its calibration by the poses if that has effects, or if its bias counts.
+        A sensor takes its calibration by the poses if this calibration has effects, or if the bias
+        at the poses counts.
     static : StaticResult
         Otherwise the effects of the static records are added to `base`.
     records : dict of str to list of StaticRecord
@@ -181,7 +184,7 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     """
     # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer")
-    # and then its bias at the poses differs from the bias at the first rest
+    # with such effects, the bias of the gyroscope at the poses differs from that at the first rest
     bias_counts, calibrations = not bias_held or (force and force.effects), {}
     for sensor in SENSORS:
         calibration, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
@@ -201,8 +204,8 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
     calibration : SensorCalibration
     sensor : str
     contents : dict of str to dict
-        Content of diagnosis.json by kind of record. The good verdicts on an implausible calibration
-        are replaced here.
+        Content of diagnosis.json by kind of record. If the calibration is implausible, the good
+        verdicts are replaced in this dict.
     static_kinds : dict of str to str
         Kinds of the sessions that the static records come from, by name.
     """
@@ -211,7 +214,7 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
             if content["verdict"] in ("consistent", "explained"):
                 contents[record] = not_testable(why)
         calibration = replace(calibration, not_testable=why)
-    verdict = of_calibration(contents, "static" in static_kinds.values())
+    verdict = calibration_verdict(contents, "static" in static_kinds.values())
     return replace(calibration, verdict=verdict)
 
 

@@ -26,15 +26,17 @@ from imuloop.model.state import BIAS, COUNT, State
 # least number of usable moves
 LEAST_MOVES = 10
 # m/s; largest velocity that a usable move may lose between two samples: half a g at 100 Hz
-SPOILED = 0.05
-# largest velocity that dropped samples of a usable move may hide, over the velocity by noise
-HIDDEN = 0.25
-SOFTER = (
+LARGEST_KNOCK = 0.05
+# largest velocity that dropped samples of a usable move may hide, over the velocity error by noise
+LARGEST_HIDDEN = 0.25
+MOVE_SOFTLY = (
     "low-pass the accelerometer below half the rate, turn in one to two seconds and set the device "
     "down softly"
 )
-WHOLE = "log every sample"
-BOTH = "motion shows how late one sensor is after the other: it is given to the accelerometer"
+LOG_EVERY_SAMPLE = "log every sample"
+LATE_SENSOR = (
+    "motion shows how late one sensor is after the other: it is given to the accelerometer"
+)
 
 
 class MotionProblem(PoseProblem):
@@ -59,8 +61,8 @@ class MotionProblem(PoseProblem):
     def error_scale(self):
         """Standard deviation of each row, (N,), by which held-out errors are divided.
 
-        It comes from the likeliest noise without effects: the noise of a move grows with its
-        length, and so does the error of a missing effect.
+        The deviation comes from the likeliest noise without effects: the noise of a move grows with
+        the length of the move, and so does the error of a missing effect.
         """
         # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
@@ -99,7 +101,7 @@ def diagnose_motion(poses):
     Returns
     -------
     PoseResult
-        It has calibrations if an effect was added.
+        The diagnosis of the moves, which has calibrations if an effect was added.
     """
     problem, solution = poses.problem, poses.solution
     if solution is None or set(problem.joint_fit.estimated) != set(SENSORS):
@@ -111,11 +113,11 @@ def diagnose_motion(poses):
     # the parameters of the base model, without effects
     start, first, tilt = solution.x[:COUNT], recording.rotations.first, recording.poses.tilt
     knock = knocks(recording, start[BIAS])
-    # dropped samples may hide too large a velocity; a rest with a tilt has one that is not zero
-    lossy = hidden_velocity(recording, start[BIAS]) > HIDDEN
+    # dropped samples may hide too large a velocity; in a rest with a tilt the device is not still
+    lossy = hidden_velocity(recording, start[BIAS]) > LARGEST_HIDDEN
     tilted = (tilt[first] > 0) | (tilt[first + 1] > 0)
     columns = {"knock_m_s": knock}
-    usable = (knock <= SPOILED) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
+    usable = (knock <= LARGEST_KNOCK) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
     if usable.sum() < LEAST_MOVES:
         return no_result(_too_few_moves(recording, usable, knock, lossy, tilted), columns)
     state = State(solution.x, solution.effects)
@@ -138,7 +140,8 @@ def diagnose_motion(poses):
         result = diagnose_record(problem, {tuple(SENSORS): VELOCITY}, {}, motion_products)
     except LinAlgError as error:
         return no_result(why_no_fit(error), columns)
-    result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
+    entry = untried("time_offset", "confounded", LATE_SENSOR)
+    result.contents["gyroscope"]["candidates"].append(entry)
     for content in result.contents.values():
         content["moves"] = {"all": len(usable), "left_out": int((~usable).sum())}
     for name, values in result.residuals.items():
@@ -153,21 +156,23 @@ def _too_few_moves(recording, usable, knock, lossy, tilted):
     """Return the reason, text, why too few moves are usable, with a remedy.
 
     `usable` has the usable moves, (m,) of bool. The other arguments are the faults of each of the m
-    moves: `knock`, the velocity that it may lose between two samples, m/s, nan if the specific
-    force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
-    `tilted`, whether a rest at its ends has a tilt.
+    moves: `knock`, the velocity that the move may lose between two samples, m/s, nan if the
+    specific force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
+    `tilted`, whether a rest before or after the move has a tilt.
     """
     why = f"{usable.sum()} of {plural(len(usable), 'move')} without a knock"
     why += " and between rests without a tilt" * bool(tilted.any())
     if np.isnan(knock).any():
         why += " and within the accelerometer's range"
     why += " and without samples that are lost" * bool(lossy.any())
-    remedy = WHOLE if lossy.sum() > np.sum(~(knock <= SPOILED)) else SOFTER
+    # the remedy for the more frequent fault: lost samples, or knocks and saturation
+    knocked = (knock > LARGEST_KNOCK) | np.isnan(knock)
+    remedy = LOG_EVERY_SAMPLE if lossy.sum() > knocked.sum() else MOVE_SOFTLY
     return f"{why}, at least {LEAST_MOVES} needed{recording.lost.reason}: {remedy}"
 
 
 def _has_step(recording, effects):
-    """Return the moves in which a bias has a step, (m,) of bool: its time there is not known.
+    """Return the moves in which a bias has a step, (m,) of bool: when in the move is not known.
 
     `effects` are the SensorEffects of the model.
     """
@@ -191,24 +196,25 @@ def knocks(recording, gyroscope_bias):
 
     A knock shorter than a sample interval may not be sampled. So the result is the largest velocity
     that one of the sample intervals of a move may hide, ``|Δf + w × f Δt| Δt`` for the change Δf of
-    specific force. It is nan if the specific force is saturated. `gyroscope_bias`, (3,), is in
-    nominal SI, rad/s.
+    specific force. A move in which the specific force is saturated has nan. `gyroscope_bias`, (3,),
+    is in nominal SI, rad/s.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the velocity that dropped samples of each move may hide, divided by its noise, (m,).
+    """Return the velocity that dropped samples of each move may hide, over that by noise, (m,).
 
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
     third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
-    error of ``σ √(Δt T)`` in a move of T seconds with the sample interval Δt. `gyroscope_bias`,
-    (3,), is in nominal SI, the log by its nominal scale, rad/s.
+    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`, (3,),
+    is in nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):
         return np.zeros(0)
+    # only steps that are too long, `uneven`, have dropped samples
     errors = unsampled_velocity(rotations, gyroscope_bias) * rotations.uneven / 3
     variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
     interval = np.median(rotations.steps[rotations.steps > 0])

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
-from imuloop.estimate.joint_fit import with_prior
+from imuloop.estimate.joint_fit import append_prior
 from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
@@ -85,9 +85,9 @@ class PoseProblem:
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
     fold_of_pose: np.ndarray
     nuisance_effects: tuple = ()  # effects that other records showed; every fit estimates them
-    # StaticResult of the static records; its `information` takes effects and returns the Fisher
-    # information about θ, their parameters: A and b, the logarithm of whose likelihood is
-    # ``-θᵀ A θ/2 + bᵀ θ``. None if no static record counts
+    # StaticResult of the static records; None if no static record counts. The method `information`
+    # takes effects and returns the Fisher information A and the moment b of their parameters θ: the
+    # logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``
     static: object = None
     # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
@@ -165,7 +165,8 @@ class PoseProblem:
         """Return the residuals of all rows, (N, 1), by a fit of effects to the training rows.
 
         `search` is the Search that has these training rows. Held-out rows next to a step are nan:
-        the training rows tell the time of a step only to within two of their poses.
+        from the training poses, the step may be anywhere between the last one before it and the
+        first one after it.
         """
         residuals = search.training_fit(effects).residuals(effects, 0)
         for effect in effects:
@@ -176,10 +177,10 @@ class PoseProblem:
     def _rows_next_to_step(self, effect, held_out):
         """Return the indices of the held-out rows next to a step, the SensorEffect `effect`.
 
-        The training poses know the time of a step only to the interval between the last of them
-        before it and the first of them after it. A held-out pose in that interval may lie on either
-        side of the step, so the rows that depend on it cannot be predicted. `held_out` has the
-        numbers of the held-out folds.
+        The training poses show only that the step lies between the last training pose before it and
+        the first one after it. A held-out pose between these two may lie on either side of the
+        step, so the rows that depend on this pose cannot be predicted. `held_out` has the numbers
+        of the held-out folds.
         """
         is_held_out, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
@@ -230,7 +231,7 @@ class PoseProblem:
         prior = self.prior(all_effects)
         solution = self.joint_fit.fit(self.recording, all_effects, start, prior)
         factors = self.joint_fit.linearise(solution, self.recording)
-        values, jacobian = with_prior(factors, solution.x, prior)
+        values, jacobian = append_prior(factors, solution.x, prior)
         fixed, slow, excess = self.joint_fit.noise_components(factors, len(prior[1]))
         likelihood = SizeLikelihood(jacobian, fixed, [*slow, *excess])
         likeliest = likelihood.maximise(values)
@@ -238,6 +239,7 @@ class PoseProblem:
         # the nuisance parameters are all parameters of the fit without `effects`
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         group = RowGroup(
+            # a change dx of the parameters makes the residuals r + J dx: J dx is fitted to -r
             values=-values[:, None],
             nuisance=jacobian[:, :nuisances],
             noise=hypotheses,
@@ -246,7 +248,7 @@ class PoseProblem:
         fitted_patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
         def designs(variants):
-            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
+            """Return for each variant the derivative of all rows by its q parameters, (N, 1, q)."""
             new = [variant for variant in variants if variant not in fitted_patterns]
             patterns = fitted_patterns | self.patterns(new)
             return [patterns[variant] for variant in variants]
@@ -275,7 +277,7 @@ class PoseProblem:
     refit = linearization
 
     def patterns(self, effects):
-        """Return the derivatives of all N rows by the q parameters of effects, (N, 1, q) each.
+        """Return for each effect the derivative of all N rows by its q parameters, (N, 1, q).
 
         The result is a dict by effect. The derivatives are taken at the fit without effects, and
         stored. The rows of the prior are the last ones.
@@ -291,8 +293,9 @@ class PoseProblem:
     def nearest_linearization(self, effects):
         """Return the stored Linearization that has the most of some effects and no others.
 
-        The rows are taken as linear in the remaining effects, by their derivatives in its Evidence.
-        So effects that only a search without one fold chose need no new fit of all poses.
+        The rows are taken as linear in the remaining effects, by the derivatives in the Evidence of
+        this Linearization. So effects that only a search without one fold chose need no new fit of
+        all poses.
         """
         subsets = [stored for stored in self._fits if set(stored) <= set(effects)]
         return self.linearization(max(subsets, key=len, default=()))
@@ -300,7 +303,7 @@ class PoseProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit, the least-squares fit of the rows without the folds `held_out`.
 
-        Its rows are linearised at a fit with the effects in `base`, which are in the model already.
+        The rows are linearised at a fit with effects of `base`, which are in the model already.
         """
         return self.nearest_linearization(base).evidence.training_fit(held_out)
 
@@ -311,8 +314,8 @@ class PoseProblem:
     def noise_with(self, base, values):
         """Return the Hypotheses of the one group of rows if its residuals were `values`, (N,).
 
-        They are the noise as estimated, and the noise that is most likely for these residuals.
-        `base` has the effects in the model.
+        The two hypotheses are the noise as estimated, and the noise that is most likely for these
+        residuals. `base` has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
         likelihood = linearization.likelihood
@@ -352,6 +355,7 @@ class PoseProblem:
         # columns of length one: parameters have different units
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
+        # the prior of the logarithms of constants, which come after the p parameters of the fit
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= p))
         probable, of_prior = fit.probability > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(probable):
@@ -366,11 +370,11 @@ class PoseProblem:
         return covariance[:p, :p]
 
     def _constant_derivatives(self, effects, x):
-        """Return the derivatives of all rows by the logarithm of the constants, (N,) each, a list.
+        """Return derivatives of all rows with respect to the logarithm of constants, (N,) each.
 
-        There is one for each effect with a constant, such as a time constant, that a fit refines;
-        it is the difference quotient for a factor of 1.05. `x`, (p,), are the parameters of the fit
-        with these effects.
+        The list has one for each effect with a constant, such as a time constant, that the search
+        refines. It is the difference quotient for a factor of 1.05 on the constant. `x`, (p,), are
+        the parameters of the fit with these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
         parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
@@ -385,8 +389,8 @@ class PoseProblem:
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.
 
-        It is the fit of all poses plus the linear change that the remaining rows give. Its
-        covariance is zero, since it is not used.
+        It is the fit of all poses plus the linear change that the remaining rows give. The
+        covariance in the Fit is set to zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
         all_effects = (*self.nuisance_effects, *effects)
@@ -406,16 +410,16 @@ class PoseProblem:
 def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
 
-    Under each hypothesis, the components of one kind of residual have the likeliest sizes and all
-    others the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
-    and the last one has all likeliest sizes.
+    Under each hypothesis, the components of one kind of residual have the likeliest sizes and the
+    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
+    has all sizes as estimated, and the last one has all likeliest sizes.
 
     Parameters
     ----------
     components : list of Component
         The k variance components of the noise.
     likelihood : SizeLikelihood
-        Likelihood of their sizes.
+        Likelihood of the sizes of the components.
     likeliest : ndarray, shape (k,)
         The most likely sizes.
 
@@ -448,7 +452,8 @@ def interleaved_folds(count, folds):
     """Return the fold of each of `count` poses, (count,), with neighbours in different folds.
 
     So the poses before and after predict a held-out pose. If there are at most four `folds`, two
-    neighbours share a fold: else too few neighbours would remain without it and a second fold.
+    neighbours share a fold: else too few neighbours would remain when this fold and a second one
+    are held out.
     """
     folds = min(folds, count)
     return np.arange(count) // (1 if folds > 4 else 2) % folds

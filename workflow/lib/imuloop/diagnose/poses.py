@@ -26,7 +26,7 @@ from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
 TESTABLE = 12
-# least number of attitudes among them, one more than parameters; rad between two attitudes
+# least number of attitudes among these poses, one more than parameters; rad between two attitudes
 ATTITUDES, APART = 10, 0.17
 # least number of turns between poses for a test of effects of the gyroscope
 TESTABLE_TURNS = 6
@@ -75,8 +75,8 @@ def pose_problem(joint_fit, recording, settings, tests, static=None):
     tests : int
         Number of tests that share the significance.
     static : StaticResult, optional
-        Diagnosis of static records. Every fit estimates the effects that they showed on the fitted
-        sensors; an effect of the temperature needs poses with a temperature.
+        Diagnosis of static records. Every fit estimates the effects that these records showed on
+        the fitted sensors; an effect of the temperature needs poses with a temperature.
     """
     nuisances = tuple(
         e
@@ -109,8 +109,8 @@ def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
     If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
-    itself. If the data of the accelerometer do, neither sensor gets a calibration, because the
-    gyroscope needs the directions of gravity.
+    itself. If the data of the accelerometer contradict each other, neither sensor gets a
+    calibration, because the gyroscope needs the directions of gravity.
 
     Parameters
     ----------
@@ -152,12 +152,14 @@ def diagnose_poses(problem, reasons):
         return result
     # the gyroscope is calibrated with the directions of gravity that the accelerometer shows
     if "accelerometer" in rejected or "accelerometer" not in sensors:
-        lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
-        return PoseResult(contents | lost, problem, rejected=rejected)
+        contents |= {sensor: not_testable(why) for sensor, why in rejected.items()}
+        return PoseResult(contents, problem, rejected=rejected)
     accelerometer = joint_fit.of_sensors(["accelerometer"])
-    alone = pose_problem(accelerometer, recording, problem.settings, problem.tests, problem.static)
-    again = diagnose_poses(alone, reasons | rejected)
-    return replace(again, rejected=rejected | again.rejected)
+    problem = pose_problem(
+        accelerometer, recording, problem.settings, problem.tests, problem.static
+    )
+    result = diagnose_poses(problem, reasons | rejected)
+    return replace(result, rejected=rejected | result.rejected)
 
 
 def too_few(recording):
@@ -182,8 +184,8 @@ def too_few(recording):
 def rejections(result):
     """Return the reasons, text by sensor, why the calibration of a sensor is rejected.
 
-    Its data contradict each other, or the sensor changed during the recording, and the effects that
-    were added do not explain this.
+    It is rejected if the data of the sensor contradict each other, or if the sensor changed during
+    the recording, and the effects that were added do not explain this. `result` is a PoseResult.
     """
     rejected, recording = {}, result.problem.recording
     if result.solution is not None:

@@ -35,7 +35,7 @@ class PoseResult:
     solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
     choices: Choices | None = None  # the searches; None if nothing could be tested
-    # columns of residuals as in `residual_columns`; empty if nothing could be tested
+    # columns of residuals for poses.parquet or moves.parquet; empty if nothing could be tested
     residuals: dict = field(default_factory=dict)
     # reason why the calibration of a sensor is rejected, by sensor
     rejected: dict = field(default_factory=dict)
@@ -49,13 +49,13 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     problem : PoseProblem
         The rows of the record.
     kinds_by_sensors : dict of tuple to tuple
-        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+        For each tuple of names of sensors, the kinds of residuals that judge these sensors.
     reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
-        Takes the name of a sensor; returns the Products, effects without a known cause, to try if
-        its residuals are above the floor, the errors that noise alone gives, with all other
-        effects.
+        Takes the name of a sensor and returns the Products to try, effects without a known cause.
+        They are tried if the residuals of the sensor, with all other effects in the model, are
+        above the floor, the errors that noise alone gives.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def judge_residuals(choices, kinds_by_sensors):
     choices : Choices
         The searches and the choice of effects.
     kinds_by_sensors : dict of tuple to tuple
-        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+        For each tuple of names of sensors, the kinds of residuals that judge these sensors.
 
     Returns
     -------
@@ -140,7 +140,9 @@ def judge_sensors(choices, sensors, kinds, errors):
     errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
-    pair = compare_rows(problem, before, kinds, errors[0])[1] if has_effects else comparisons
+    comparisons = comparisons, comparisons
+    if has_effects:
+        comparisons = compare_rows(problem, before, kinds, errors[0])[1], comparisons[1]
     # the floor is the mean over the alternatives of the noise in the fit with effects
     floors = [
         np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))[:, None]
@@ -148,7 +150,7 @@ def judge_sensors(choices, sensors, kinds, errors):
     ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
-    content = residuals_content(problem, kinds, (pair, comparisons), errors, floor, has_effects)
+    content = residuals_content(problem, kinds, comparisons, errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
         rows = problem.of_kind(kind)
         sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
@@ -159,11 +161,11 @@ def judge_sensors(choices, sensors, kinds, errors):
             entry[f"in_sample_{when}"] = size_of(problem, kind, in_sample)
     if "rotation" in kinds:
         entry = content["residuals"]["rotation"]
-        entry |= undersampled(problem, after, entry["floor"])
+        entry |= undersampling_error(problem, after, entry["floor"])
     significance = problem.settings.residual_significance
     content["slow_noise"] = content["verdict"] not in LEFT and any(
         comparison.p_value_as_estimated < significance
-        for kind, comparison in zip(kinds, comparisons, strict=True)
+        for kind, comparison in zip(kinds, comparisons[1], strict=True)
         # turns that were sampled too slowly have their own error, which is not slow noise
         if kind != "rotation" or not problem.recording.rotations.aliased.any()
     )
@@ -183,7 +185,7 @@ def compare_rows(problem, linearization, kinds, errors):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows, one for each component of a residual.
+        Problem with N rows, one for each component of a residual.
     linearization : Linearization
         The fit, with m alternatives of the noise: covariances that it may have.
     kinds : sequence of str
@@ -210,10 +212,10 @@ def compare_rows(problem, linearization, kinds, errors):
     return compare_with_noise([group], log_prior)
 
 
-def undersampled(problem, linearization, floor):
+def undersampling_error(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    Both errors come from the noise as estimated.
+    This error, and the error by all other noise, come from the noise as estimated.
 
     Parameters
     ----------
@@ -221,20 +223,21 @@ def undersampled(problem, linearization, floor):
     linearization : Linearization
         The fit of all poses.
     floor : float
-        Held-out error of the rotations that the noise alone gives, rad. It limits both errors
-        together.
+        Held-out error of the rotations that the noise alone gives, rad. Both errors together are
+        not larger than this floor.
 
     Returns
     -------
     dict
-        One field, ``undersampled``, or none. It has the ``error`` by sampling and the error by all
-        ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
-        be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
+        One field, ``undersampled``, or none. The field has the ``error`` by sampling and the error
+        by all ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which
+        both would be equal: the variance by sampling falls with the rate as the spectrum of the
+        turns does.
     """
     rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():
         return {}
-    # the last rows belong to the rotations, two each
+    # variances, rad², of a rotation; the last rows belong to the rotations, two each
     others, sampling = (
         np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations)
         for covariance in (noise.by(problem.joint_fit.noise, aliasing=False), noise.of_aliasing())

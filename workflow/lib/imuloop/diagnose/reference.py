@@ -64,7 +64,7 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
 
 
 def _diagnose_sensor(set_up, windows, folds, settings, tests):
-    """Test the effects of the set-up on one sensor and compare its residuals with their floor.
+    """Test the effects of the set-up on one sensor, and compare the residuals with their floor.
 
     The set-up is the offset of the clock, the mounting, the place of the marker and the biases. The
     floor is the error that noise alone gives.
@@ -119,6 +119,7 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
     dof = max(len(floor) - len(windows.shared) - windows.places.size, 1)
     for key, without in (("before", added), ("after", [])):
         heldout = set_up.errors(folds, without)[rows]
+        # with all rows in no fold, -1, the residuals of a fit to all rows
         in_sample = set_up.errors(np.full_like(folds, -1), without)[rows]
         chi2 = ((in_sample / floor) ** 2).sum()
         residual |= {key: _size(heldout), f"chi2_{key}": float(chi2 / dof)}

@@ -52,7 +52,7 @@ class StaticFinding:
     choices: Choices  # the searches and the choice of effects
     reasons: dict  # status and reason of effects that cannot be tried
     effects: tuple  # FittedEffects that were added
-    # the same plus the best effect that passes the test but that cross-validation does not confirm
+    # `effects`, and the best effect that passes the test but that cross-validation does not confirm
     doubtful: tuple
     # held-out errors without and with effects, (N, 3) each; effects are chosen without each fold
     errors: tuple
@@ -88,15 +88,15 @@ class StaticResult:
         -------
         ndarray, shape (q, q), and ndarray, shape (q,)
             Fisher information A and moment b, SI: the logarithm of the likelihood of θ is
-            ``-θᵀ A θ/2 + bᵀ θ``. Parameters have zeros unless these records showed their effect, or
-            it is an effect of the temperature.
+            ``-θᵀ A θ/2 + bᵀ θ``. A parameter has zeros unless its effect is one that these records
+            showed, or one of the temperature.
         """
         ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
         A, b = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
         of_temperature = [e for e in effects if "temperature" in e.needs and not e.timed]
-        known = {*self.sensor_effects, *of_temperature}
+        informative = {*self.sensor_effects, *of_temperature}
         for sensor, finding in self.findings.items():
-            numbers = [k for k, e in enumerate(effects) if e.sensor == sensor and e in known]
+            numbers = [k for k, e in enumerate(effects) if e.sensor == sensor and e in informative]
             if numbers:
                 index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
                 variants = tuple(effects[k].effect for k in numbers)
@@ -130,8 +130,8 @@ def static_candidates(sensor, records):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
     variants, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # variants with a price assume that the thermometer lags; they are for shorter records, as hours
-    # at rest show the lag itself
+    # variants with a price assume that the thermometer lags. They are for shorter records: hours at
+    # rest show the lag itself
     return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 
@@ -145,11 +145,11 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     data : StaticData
         Samples at rest.
     records : dict of str to list of StaticRecord
-        Their means, by sensor.
+        Means of these samples over windows, by sensor.
     calibration : Calibration
-        The base model. Effects are errors of its output ``K (raw - b)``.
+        The base model. Effects are errors of the output ``K (raw - b)`` by this calibration.
     noise : NoiseModel
-        Noise of the device. It is estimated again after effects are subtracted.
+        Noise of the device, which is estimated again after effects are subtracted.
     settings : DiagnoseSettings
     noise_settings : NoiseSettings
         Settings of the noise stage.
@@ -238,13 +238,14 @@ def search_records(sensor, records, settings, tests):
     choice = choices.choice()
     # held-out errors without effects, and with effects that are chosen again without each fold
     errors = choices.errors_with(()), choices.errors(choices.nested_choice)
+    # `lasting`: a device that has the effect in one record has it in the next
     unconfirmed = [k for k in choice.failed if k.lasting]
     trial = choices.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(choices, choice.effects)
     doubtful = fitted_effects(choices, (*choice.effects, trial.effect)) if trial else effects
     # the memory of the fits is freed
     problem.evidence.release()
-    # the doubtful effects cannot always be estimated together
+    # `doubtful` is None if these effects cannot be estimated together
     return StaticFinding(
         choices=choices,
         reasons=reasons,
@@ -266,12 +267,12 @@ def static_content(sensor, finding, noise, noise_change):
         Noise after the effects were subtracted; it gives the floor, the size of held-out errors
         that noise alone gives.
     noise_change : dict
-        Coefficients of the noise before and after that, by axis; empty without effects.
+        Coefficients of the noise before and after this subtraction, by axis; empty without effects.
     """
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
     content = search_content(finding.choices, effects, finding.reasons, sensor)
     for entry, trial in zip(content["effects"], finding.choices.choice().added, strict=True):
-        # errors on one axis show that the effect was tested on this axis only
+        # a change of the errors of one axis only: the effect was judged on this axis
         entry["axis"] = axes[trial.axis] if trial.change.before.shape[1] == 1 else None
     names = {candidate["name"] for candidate in content["candidates"]}
     content["candidates"] += [
@@ -310,9 +311,10 @@ def static_content(sensor, finding, noise, noise_change):
 def _floor(problem, covariances):
     """Return the variance of the held-out errors that the noise as estimated gives, (N, 3).
 
-    A held-out error is a mean minus the level of its record, which is the mean of the training
-    rows. `covariances` has, for each record and each axis, two covariances that the noise of its n
-    means may have, (n, n) each; the noise as estimated is the first.
+    A held-out error is the mean over a window minus the level of its record. The level is the mean
+    of the training rows, weighted with `record.length`, the length of each window. `covariances`
+    has, for each record and axis, two covariances that the noise of the n means may have, (n, n)
+    each; the noise as estimated is the first.
     """
     floors = []
     groups = zip(problem.records, problem.evidence.row_groups, covariances, strict=True)

@@ -1,7 +1,7 @@
 """Static records: the samples of a device at rest, and their means over windows.
 
-Nominal SI values are raw readings less the data sheet's offset, times its scale. The output of a
-sensor is ``K (raw - b)``, SI, by the calibration without effects.
+Nominal SI values are raw readings minus the offset, times the scale of the data sheet. The output
+of a sensor is ``K (raw - b)``, SI, by the calibration without effects.
 """
 
 from dataclasses import dataclass, replace
@@ -27,10 +27,10 @@ from imuloop.factors.factors import OWN
 from imuloop.model.effect import Channels
 from imuloop.noise.records import RecordedSession
 
-# s; least length of a rest in another session that replaces a static session: the poses show all
-# effects better than a shorter one
+# s; least length of a rest that serves as a static record if there is no static session: poses show
+# all effects better than a shorter rest
 LONG_REST = 600.0
-# least and most windows of a record: the window length is changed to keep their number between.
+# least and most windows of a record: the window length is changed to keep their number in between.
 # The upper limit is there because a covariance of n means has n² entries
 LEAST_MEANS, MOST_MEANS = 64, 200
 # least number of samples in a window
@@ -101,8 +101,8 @@ class StaticData:
     def subtract(self, effects, calibration):
         """Return the sessions with the output of effects subtracted, a list of RecordedSession.
 
-        `effects` has the FittedEffects of each sensor, errors of its output ``K (raw - b)``, which
-        `calibration` computes.
+        `effects` has the FittedEffects of each sensor, errors of the output ``K (raw - b)`` of the
+        sensor, which `calibration` computes.
         """
         sessions = []
         for name, samples in self.samples.items():
@@ -124,12 +124,12 @@ def read_static(sessions):
 
 
 def rests_to_use(kinds, segments):
-    """Return the segments that are the static records of a device, by session.
+    """Return the segments that serve as static records of a device, by session.
 
-    They are all segments of the static sessions in which the device did not move. Without such a
-    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` has
-    the kind and `segments` the table of segments of each session; the result has the `COLUMNS` of
-    the segments of each session that is used.
+    If there are static sessions that have a rest and no segment of motion, the result has all
+    segments of these sessions. Otherwise it has the longest rest of any session, if that rest lasts
+    `LONG_REST`; otherwise it is empty. `kinds` has the kind and `segments` the table of segments of
+    each session; the result has the `COLUMNS` of the segments of each session that is used.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
@@ -173,7 +173,8 @@ def static_records(session, log, segments, calibration, mean_time):
         outputs[sensor] = getattr(calibration, sensor).output(x[0] + _means(x - x[0], ends))
     temperature = None if log.temperature is None else _means(log.temperature, ends)
     for sensor, values in outputs.items():
-        # the input of effects is the mean of the session: they do not follow the noise of windows
+        # the input of effects is the mean of the session, as effects do not follow the noise of
+        # windows
         level = values.mean(axis=0) if len(values) else np.zeros(3)
         channels = Channels(
             t=windows.mean(axis=1),
@@ -230,9 +231,9 @@ def _means(x, ends):
 def correct_samples(session, samples, log, calibration, effects):
     """Return the samples of a session, by column, with the output of some effects subtracted.
 
-    `session` is its name. `samples` and the result are in nominal SI, `log` is the Log of the same
-    samples. `calibration` computes the output ``K (raw - b)`` of each sensor, and `effects` has the
-    FittedEffects, errors of this output, by sensor.
+    `session` is the name of the session. `samples` and the result are in nominal SI, `log` is the
+    Log of the same samples. `calibration` computes the output ``K (raw - b)`` of each sensor, and
+    `effects` has the FittedEffects, errors of this output, by sensor.
     """
     t, columns = log.t, {name: np.array(samples[name], dtype=float) for name in CHANNELS}
     # at rest the effects see the mean output of each sensor

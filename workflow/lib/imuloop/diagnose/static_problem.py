@@ -11,7 +11,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.steps import BESIDE, best_steps
 from imuloop.effects.steps import Steps
-from imuloop.estimate.axis_fit import combined_axes
+from imuloop.estimate.axis_fit import combine_axes
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.search import Search
 from imuloop.estimate.training_fit import ABSORBED
@@ -57,8 +57,8 @@ class StaticProblem:
         """Fold of each row, (N,).
 
         A fold is one stretch of time in each record; all folds of a record have equal time at rest.
-        It is at a different place in each record, so that the start of one record is predicted from
-        the starts of the others.
+        A fold is at a different place in each record, so that the start of one record is predicted
+        from the starts of the others.
         """
         folds = []
         for i, record in enumerate(self.records):
@@ -129,7 +129,7 @@ class StaticProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit, the least-squares fit to the rows without the folds `held_out`.
 
-        It does not depend on the effects in `base`, since the rows are linear in all effects.
+        The fit does not depend on the effects in `base`, since the rows are linear in all effects.
         """
         return self.evidence.training_fit(held_out)
 
@@ -153,10 +153,11 @@ def ratios(span, length):
     """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
 
     N, B and K are the coefficients of white noise, flicker and random walk. The record has the
-    `span` S and windows of `length` τ, s. In its mode k, of k half waves, the variance of flicker
-    is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
+    `span` S and windows of `length` τ, s. In mode k of the record, of k half waves, the variance of
+    flicker is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
     ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
-    noise in the middle mode. The prior is uniform in the logarithm of each ratio.
+    noise in the middle mode. A ratio is zero with the prior probability `ABSENT`; else the prior is
+    uniform in the logarithm of the ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
@@ -184,7 +185,8 @@ def hypotheses(windows, grid):
 def fitted_effects(search, effects):
     """Return a FittedEffect for each of some effects, fitted together to the records, a tuple.
 
-    The result is None if an axis cannot estimate them. `search` is the Search of the records.
+    The result is None if the rows of an axis do not determine the parameters. `search` is the
+    Search of the records.
     """
     training_fit, estimates = search.training_fit(effects), []
     evidence = training_fit.evidence
@@ -197,7 +199,7 @@ def fitted_effects(search, effects):
             return None
         estimates.append((index, coefficients / scale, covariance / np.outer(scale, scale)))
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-    values, covariance = combined_axes(ends[-1], estimates)
+    values, covariance = combine_axes(ends[-1], estimates)
     std, fitted = np.sqrt(np.diag(covariance)), []
     for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
         by_name, std_by_name = (
@@ -212,9 +214,10 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as the errors of a fit of the effects to the records: it is the largest ratio of ``dᵀ
-    P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over the
-    noise hypotheses, the covariances that the noise may have.
+    as large as the errors of a fit of the effects to the records: κ is the largest ratio of
+    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
+    the noise hypotheses, the covariances that the noise may have. The result is the sum over all
+    axes.
 
     Parameters
     ----------
@@ -275,7 +278,7 @@ def cut_at_tilts(records, least):
         settings=DiagnoseSettings(significance=MOVED),
         tests=len(steps),
     )
-    # the most significant step is added, then the next, until none is
+    # the most significant step is added, then the next, until no further step is significant
     search, significant = Search(problem, held_out=frozenset()), ()
     while True:
         trials = search.tests(significant, [s for s in steps if s not in significant])
@@ -314,7 +317,7 @@ def is_tilt(jump, level):
 def _disturbances(record):
     """Return the times, s, of disturbances with enough windows just before and after them, a list.
 
-    They are the starts of the undisturbed stretches that follow them.
+    The time of a disturbance is the start of the undisturbed stretch that follows it.
     """
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))

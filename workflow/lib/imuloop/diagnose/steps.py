@@ -8,7 +8,7 @@ from imuloop.model.effects import SensorEffect
 
 # least number of windows on either side of a step, and number of times tried within one window
 BESIDE, WITHIN = 3, 4
-# most steps in all records; log p of a first step from which on no second one is looked for
+# most steps in all records; log p of a first step from which on the search may give up
 MOST_STEPS, HOPELESS = 6, 6.0
 
 # least number of poses on either side of a step: with fewer it could be an outlier. A pose gives
@@ -25,19 +25,21 @@ def best_steps(search, base, may_give_up=False):
     added one by one, each at the time that is clearest with the others in the model. The search
     ends if one more step does not lower log p. A single one of two steps may not be significant,
     because the other looks like a random walk: so a second step is tried even then. With
-    `may_give_up` it is not tried if log p of the first is above `HOPELESS`. `base` has the effects
-    that are in the model already.
+    `may_give_up` the result is None if log p of the first step, corrected for the number of times
+    and axes, is above `HOPELESS`. `base` has the effects that are in the model already.
     """
-    best, steps, tries, variants = None, (), 0.0, ()
+    best, steps, log_tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
         log_p, step, count = most_promising_step(search, base + variants, steps)
         # the order in which the steps were found does not count
-        tries += np.log(max(count, 1) / number)
-        if not step or (may_give_up and number == 1 and log_p + np.log(3) + tries > HOPELESS):
+        log_tries += np.log(max(count, 1) / number)
+        # any of three axes may show a step
+        corrected = log_p + np.log(3) + log_tries
+        if not step or (may_give_up and number == 1 and corrected > HOPELESS):
             break
         steps = (*steps, step)
         variants = (joined(steps),)
-        trial = search.best_variant(base, variants, tries)
+        trial = search.best_variant(base, variants, log_tries)
         if best is not None and (trial is None or trial.log_p >= best.log_p):
             break
         best = trial or best
@@ -45,13 +47,14 @@ def best_steps(search, base, may_give_up=False):
 
 
 def most_promising_step(search, base, earlier=()):
-    """Return log p of the step that one axis shows most clearly, the step, and the number of tries.
+    """Return log p of the step that an axis shows most clearly, the step, and the number of times.
 
     `search` is the Search of static records, which have the means over windows of a rest. Windows
-    close to the `earlier` steps are not tried. The step is None if no window is left. `base` has
-    the effects that are in the model, those steps included.
+    close to the `earlier` steps are not tried. The number is that of all times that were tried. The
+    step is None if no window is left. `base` has the effects that are in the model, the earlier
+    steps included.
     """
-    # log p, axis and step; without a step p is one
+    # log p, axis and step; the first entry stands for no step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
     evidence = training_fit.evidence
     # the training windows of each record, and the windows at whose start a step is tried
@@ -104,10 +107,10 @@ def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
     Times in the middle of the poses are tried first. If the best of them is clearer than chance,
-    times ever closer to it are tried, since a step may lie within a pose or between two. The tests
-    use the noise as estimated: under the likeliest noise, the residuals that a step causes in the
-    turns would count as noise. `base` has the effects that are in the model already. `may_give_up`
-    changes nothing: the first times are quick to test.
+    times ever closer to this time are tried, since a step may lie within a pose or between two. The
+    tests use the noise as estimated: under the likeliest noise, the residuals that a step causes in
+    the turns would count as noise. `base` has the effects that are in the model already.
+    `may_give_up` changes nothing: the first times are quick to test.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:
@@ -116,7 +119,7 @@ def pose_step(sensor, search, base, may_give_up=False):
     # at most `MOST_TIMES` times, evenly spaced in the number of the pose
     number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
-    spacing, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
+    spacing, log_tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
     as_estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         variants = [SensorEffect(Steps((float(t),)), sensor) for t in times]
@@ -124,7 +127,7 @@ def pose_step(sensor, search, base, may_give_up=False):
         if not trials:
             return None
         clearest = min(trials, key=lambda t: t.log_p)
-        best = search.best_variant(base, [clearest.effect], tries)
+        best = search.best_variant(base, [clearest.effect], log_tries)
         if best is None or spacing < CLOSE or best.log_p > 0:
             return best
         (time,) = best.effect.effect.times

@@ -19,7 +19,7 @@ COMPONENTS = {
 
 
 def _names_of(kind):
-    """Return the names of the columns of one kind of residual, a list: its errors, its floor."""
+    """Return the names of the columns of one kind of residual, a list: errors, then the floor."""
     ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
     return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
 
@@ -47,7 +47,7 @@ def residual_columns(problem, kinds, errors, floor):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows.
+        Problem with N rows.
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
@@ -82,7 +82,7 @@ def poses_table(poses, names, residuals):
 
 
 def moves_table(recording, names, gyroscope, force, residuals):
-    """Return the columns of moves.parquet: the turn of each of m moves, and residuals.
+    """Return the columns of moves.parquet: the rotation of each of m moves, and residuals.
 
     ``angle_rad`` is the integral of the magnitude of the calibrated angular rate, ``speed_rad_s``
     the largest magnitude, and ``axis_x`` to ``axis_z`` the direction of the integral of the rate.
@@ -132,7 +132,7 @@ def _place(poses, indices, names, times):
     names : list of str
         Names of the sessions.
     times : Poses or Rotations
-        It has the start and end of these poses or moves, s.
+        Table with the start and end of these poses or moves, s.
     """
     # poses are sorted by session: the first of each session has the number 0
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)

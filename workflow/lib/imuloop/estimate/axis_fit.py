@@ -14,9 +14,9 @@ class Fit:
     """Least squares of one axis, under each of h noise hypotheses.
 
     A noise hypothesis is one covariance that the noise of the rows may have. The fit estimates the
-    coefficients of k columns, the derivatives of the residuals by the parameters of effects, each
-    scaled to length one. An instance without coefficients may also stand for m fits with the same
-    degrees of freedom: then all arrays (h,) are (h, m).
+    coefficients of k columns: the derivatives of the residuals with respect to the parameters of
+    effects, each scaled to length one. An instance without coefficients may also stand for m fits
+    with the same degrees of freedom: then all arrays (h,) are (h, m).
     """
 
     chi2: np.ndarray  # (h,): χ² of the residuals
@@ -24,8 +24,8 @@ class Fit:
     # of the rows and the Jacobian J
     log_prior: np.ndarray
     dof: int  # degrees of freedom
-    least_scale: float  # lower limit of `scale`
-    # (h, k, k): normal matrix of the columns, each divided by its norm
+    least_scale: float  # lower limit of `scale`; above 0 if other data say how large the noise is
+    # (h, k, k): normal matrix of the columns, after each column was divided by its norm
     normal: np.ndarray | None = None
     norms: np.ndarray | None = None  # (h, k): norms of the columns in the metric of the precision
     coefficients: np.ndarray | None = None  # (h, k): coefficients of the columns
@@ -56,14 +56,14 @@ class Fit:
     def average(self):
         """Return the coefficients of the columns, (k,), and their covariance, (k, k).
 
-        Both are averaged over the noise hypotheses, each weighted with its posterior probability.
+        Both are averaged over the noise hypotheses, with their posterior probabilities as weights.
         The covariance includes the scatter of the coefficients between hypotheses.
         """
         mean = self.probability @ self.coefficients
-        change = self.coefficients - mean
+        deviation = self.coefficients - mean
         # `normal` has columns of length one, so its inverse is scaled back
         inverse = np.linalg.inv(self.normal) / self.norms[:, :, None] / self.norms[:, None]
-        squares = inverse * self.scale[:, None, None] + change[:, :, None] * change[:, None]
+        squares = inverse * self.scale[:, None, None] + deviation[:, :, None] * deviation[:, None]
         return mean, np.einsum("h,hpq->pq", self.probability, squares)
 
 
@@ -77,7 +77,7 @@ def scaled_inverse(matrix):
     return np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
 
 
-def combined_axes(count, estimates):
+def combine_axes(count, estimates):
     """Combine the estimates of p parameters from several axes.
 
     Each axis a has estimates θ_a of some of the parameters, with the covariance C_a. Parameters
@@ -122,14 +122,16 @@ def log_f_tail(statistic, q, dof):
 
     The distribution has q and `dof` degrees of freedom. `statistic` is F, a float or an array; the
     result has its shape. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
-    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. Tails below the range of floating point
-    numbers are its leading term, ``x^a (1-x)^(b-1) / (a B(a, b))``.
+    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too small for a floating
+    point number is replaced by the leading term of this function,
+    ``x^a (1-x)^(b-1) / (a B(a, b))``.
     """
     a, b = dof / 2, q / 2
     x = dof / (dof + q * np.asarray(statistic, dtype=float))
     tail = betainc(a, b, x)
     if np.all(tail > 1e-280):
         return np.log(tail)
+    # log(1 - x) has to be finite at x = 1, too
     safe = np.minimum(x, 1 - 1e-16)
     leading = a * np.log(safe) + (b - 1) * np.log1p(-safe) - np.log(a) - betaln(a, b)
     with np.errstate(divide="ignore"):
@@ -146,8 +148,9 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 
     If other data say how large the noise is (`least_scale` above zero), the average also includes
     the probabilities in the fit without the parameters, because q parameters fit some of the noise,
-    too. They get the weight of that fit by Schwarz's criterion ``ln L - q/2 ln n`` of n residuals
-    with the likelihood L, but half at most.
+    too. The fit without the parameters gets the weight that Schwarz's criterion ``ln L - q/2 ln n``
+    gives it against the other fit, with the likelihood L and n degrees of freedom, but at most one
+    half.
 
     Parameters
     ----------
@@ -182,11 +185,11 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 
 
 def log_p_values(pairs, hypotheses=slice(None)):
-    """Return the log p-value of the parameters that one of two fits has, a list of float.
+    """Return for each pair of fits the log p-value of the parameters that only the second fit has.
 
-    `pairs` is a list of (Fit, Fit): the fit without some parameters and the fit with
-    them. The p-value is averaged over the noise hypotheses in the mask `hypotheses`, (h,) of bool;
-    all by default.
+    `pairs` is a list of (Fit, Fit): the fit without some parameters and the fit with them. The
+    result is a list of float. The p-value is averaged over the noise hypotheses in the mask
+    `hypotheses`, (h,) of bool; all by default.
     """
     # by degrees of freedom of both fits, the indices of the pairs
     log_p, groups = [None] * len(pairs), {}

@@ -27,9 +27,9 @@ class Choice:
 class Choices(Search):
     """The Search in all rows, with the choice of effects and the errors of cross-validation.
 
-    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
-    the rows (scalar residuals) of one kind of record; their folds, the groups of rows that are held
-    out together; and the variants to try, effects with values of their constants.
+    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. A
+    problem has the rows (scalar residuals) of one kind of record; the folds, groups of rows that
+    are held out together; and the variants to try, effects with values of their constants.
     """
 
     def __init__(self, problem):
@@ -45,10 +45,10 @@ class Choices(Search):
     def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        A row is one scalar residual per axis, and a fold has the rows that are held out together.
-        It is predicted by a fit to the other rows. `choose_effects` is a function that takes the
-        Search in these other rows and returns the effects of the fit, a tuple. The errors of rows
-        of no fold are nan.
+        A row is one scalar residual per axis, and a fold has the rows that are held out together. A
+        row is predicted by a fit to the rows of the other folds. `choose_effects` is a function
+        that takes the Search in these rows and returns the effects of the fit, a tuple. The errors
+        of rows of no fold are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
@@ -59,7 +59,7 @@ class Choices(Search):
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
-            # each fold has its own fit, and all together need much memory
+            # the fit without this fold is deleted, as those of all folds together need much memory
             search.training_fit(effects).release()
         return errors
 
@@ -96,7 +96,7 @@ class Choices(Search):
         return self._choice
 
     def _with_next(self, effects):
-        """Return the effects plus the next effect, or pair of them, that lowers held-out errors.
+        """Return the model with the next effect, or pair of effects, that lowers held-out errors.
 
         Returns
         -------
@@ -135,15 +135,17 @@ class Choices(Search):
     def _confirm(self, effects, failed):
         """Test each of some effects with all others in the model, until one fails.
 
-        An effect fails if its addition to the others does not lower the held-out error.
+        An effect fails if its addition to the others does not lower the held-out error, or if it
+        cannot be estimated next to the others.
 
         Returns
         -------
         tuple of Effect
             The effects without the one that failed.
         dict of Effect to Trial, or None
-            The test of each effect; None if one failed. The argument `failed`, a dict, then gets
-            the 95 % interval of the effect's error ratio under its kind.
+            The test of each effect; None if one effect failed. If an effect fails by the held-out
+            error, the 95 % interval of its error ratio is stored in the argument `failed`, a dict
+            by kind of effect.
         """
         trials = {}
         # effects of time are removed before effects of temperature
@@ -159,8 +161,9 @@ class Choices(Search):
                 return other_effects, None
             # the p-value counts how many variants of the effect were tried
             best_trial = self.trial(other_effects, effect.kind)
-            tries = best_trial.tries if best_trial else 0.0
-            trials[effect] = replace(trial, log_p=trial.log_p + tries, tries=tries, change=change)
+            log_tries = best_trial.log_tries if best_trial else 0.0
+            log_p = trial.log_p + log_tries
+            trials[effect] = replace(trial, log_p=log_p, log_tries=log_tries, change=change)
         return effects, trials
 
     def _error_change(self, effects, trial, extended):
@@ -168,8 +171,8 @@ class Choices(Search):
 
         `trial` is the Trial of an effect that only the second model has. The ratio of held-out
         errors is taken on the axis on which the trial has the smallest p-value. If this axis does
-        not show that the errors fall, but all axes together do, it is the ratio of all axes, with
-        the errors of each axis divided by their root mean square without the effect.
+        not show that the errors fall, but all axes together do, the ratio is taken over all axes.
+        The errors of each axis are then divided by their root mean square without the effect.
         """
         problem = self.problem
         try:
@@ -200,7 +203,7 @@ class Choices(Search):
     def nested_choice(self, search):
         """Return the effects that are significant in the training rows of a Search, a tuple.
 
-        Only the kinds of effects are tried that the choice by all rows adds. Whether they are
-        significant, and their constants and sizes, depend on the training rows alone.
+        Only the kinds of effects that the choice by all rows adds are tried. The training rows
+        alone determine which of these effects are significant, and their constants and sizes.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

@@ -33,10 +33,11 @@ class Hypotheses:
             log_det.append(2 * np.log(np.diag(root)).sum())
         return cls(np.array(inverses), np.array(log_det))
 
-    def mean(self, weights):
+    def weighted_sum(self, weights):
         """Return the weighted sum, (n, n), of the h covariances; `weights` has the shape (h,).
 
-        A covariance with a negligible weight is skipped, as each has to be inverted again.
+        Only the inverses are stored, so each covariance is recomputed; those with a negligible
+        weight are skipped.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -62,9 +63,9 @@ class RowGroup:
 class Pattern:
     """The derivative of all N rows, on a axes, with respect to the q parameters of an effect.
 
-    The effect has values of its constants, such as a time constant: it is one variant of its kind.
-    `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for each
-    parameter that its rows depend on.
+    The effect has values of its constants, such as a time constant: it is one variant of its kind
+    of effect. `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for
+    each parameter that its rows depend on.
     """
 
     effect: object  # the Effect or SensorEffect, with its constants
@@ -79,21 +80,24 @@ class Evidence:
     """All N rows, group by group, and the columns of the patterns that may explain them.
 
     A row is one scalar residual. A column, (N,), is the derivative of the rows on one axis with
-    respect to one parameter of an effect, scaled to length one. It is stored under a number, as are
-    the residuals of each axis. The covariance of the noise is one of h hypotheses.
+    respect to one parameter of an effect, scaled to length one. Each column, and the residuals of
+    each axis, are stored under a number. The covariance of the noise is one of h hypotheses.
     """
 
     row_groups: list[RowGroup]
     log_prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
-    # takes effects; returns for each the derivative of all rows by its parameters, (N, a, q)
+    # takes effects; returns for each the derivative of all rows with respect to its q parameters,
+    # (N, a, q)
     designs: Callable
     # smallest factor on the variance of a hypothesis: 1 if the size of the noise is known
     least_scale: float = 0.0
     # (h,) of bool: the hypotheses that estimates of parameters may use; default: all
     estimation_mask: np.ndarray | None = None
-    # (h,) of bool: the hypotheses without more slow noise than was estimated; default: as above
+    # (h,) of bool: the hypotheses without more slow noise than was estimated; default: the
+    # hypotheses of `estimation_mask`
     as_estimated_mask: np.ndarray | None = None
-    # index of the hypothesis for the nuisance parameters; default: the parameters' hypothesis
+    # index of the hypothesis by which the nuisance parameters are estimated; default: the one by
+    # which the parameters of effects are
     nuisance_index: int | None = None
 
     def __post_init__(self):
@@ -117,9 +121,9 @@ class Evidence:
     def add_columns(self, vectors):
         """Store k columns, the array `vectors`, (k, N), and return their numbers, a tuple of int.
 
-        A column is the derivative of the N rows (scalar residuals) by one parameter, or the
-        residuals themselves. Its product with the precision of each group of rows is stored, too. A
-        column that is stored already keeps its number.
+        A column is the derivative of the N rows (scalar residuals) with respect to one parameter,
+        or the residuals themselves. The product of each column with the precision of each group of
+        rows is stored, too. A column that is stored already keeps its number.
         """
         new, numbers = [], []
         for vector in vectors:
@@ -134,14 +138,14 @@ class Evidence:
             by_group = zip(
                 self.row_groups, self._weighted, self.split(np.array(new).T), strict=True
             )
-            # of each group: its list of products, one of shape (h, n) for each column, and its rows
-            # of the new columns, (n, number of new columns)
+            # `weighted` is the list of products of a group, one of shape (h, n) for each column,
+            # and `rows` are the rows of the group in the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
                 weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0).copy())
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return the product of the precision of row group i and its part of k columns, (h, k, n).
+        """Return the products of the precision of row group i and k columns there, (h, k, n).
 
         The group has n rows, and a precision (inverse covariance) for each of h noise hypotheses.
         `numbers` are the numbers of the columns.
@@ -181,15 +185,17 @@ class Evidence:
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def parameters_of(self, effects, axis):
-        """Return to which parameters the columns of some effects on one axis, an index, belong.
+        """Return the parameters that the columns of some effects on one axis belong to.
+
+        `axis` is the index of the axis, on which the effects have k columns.
 
         Returns
         -------
         ndarray, shape (k,) of int
-            For each of their k columns the index of its parameter in the list of all parameters of
-            `effects`.
+            For each column the index of its parameter in the list of all parameters of `effects`.
         ndarray, shape (k,)
-            The norm that each column was divided by: its coefficient is the parameter times this.
+            The norm that each column was divided by. The coefficient of a column is the parameter
+            times this norm.
         """
         starts = np.cumsum([0, *(len(e.parameters) for e in effects)])
         patterns = self.patterns(effects)
@@ -219,7 +225,8 @@ class Evidence:
         """Return the variance of the held-out error of each row, (N,), by the noise alone.
 
         Each fold is predicted by a fit of the nuisance parameters, without effects, to the other
-        rows. `hypothesis` is the index of the noise hypothesis for the covariance and the weights.
+        rows. `hypothesis` is the index of the noise hypothesis, from which both the covariance of
+        the noise and the weights of the fits come.
         """
         if hypothesis not in self._variances:
             variances = []

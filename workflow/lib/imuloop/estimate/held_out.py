@@ -21,10 +21,11 @@ def fold_fits(values, weights, jacobian, row_folds):
 
     A fold has the rows (scalar residuals) that are held out together. The fit to the training
     residuals r_s, those outside the fold, has the parameters ``A r_s``, with
-    ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of their covariance and J their Jacobian. The held-out
-    error of the residuals r_h, with the Jacobian J_h, is ``E r = r_h - J_h A r_s``. E is linear, so
-    the covariance of the errors is ``E Σ Eᵀ`` with the covariance Σ of all residuals. Slow noise
-    that training and held-out rows share cancels there as far as a fitted bias follows it.
+    ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of the covariance of the training residuals and J is
+    their Jacobian. The held-out error of the residuals r_h, with the Jacobian J_h, is
+    ``E r = r_h - J_h A r_s``. E is linear, so the covariance of the errors is ``E Σ Eᵀ`` with the
+    covariance Σ of all residuals. Slow noise that training and held-out rows share cancels there as
+    far as a fitted bias follows it.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def fold_fits(values, weights, jacobian, row_folds):
     ndarray, shape (n, m)
         The errors E r, zero in rows of no fold. They are linear in r.
     dict of int to ndarray, shape (p, p)
-        For each fold ``(Jᵀ W J)⁻¹`` of its training rows.
+        For each fold ``(Jᵀ W J)⁻¹`` of the rows outside it, the training rows.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -104,8 +105,9 @@ def exceedance_probability(square, covariances):
     """
     moments = np.zeros(3)
     for covariance in covariances:
-        twice = covariance @ covariance
-        moments += np.trace(covariance), np.trace(twice), np.sum(twice * covariance)
+        square_matrix = covariance @ covariance
+        traces = np.trace(covariance), np.trace(square_matrix), np.sum(square_matrix * covariance)
+        moments += traces
     # the k-th cumulant of the sum of squares is proportional to the trace of the k-th power
     dof = moments[1] ** 3 / moments[2] ** 2
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
@@ -125,7 +127,8 @@ class ErrorChange(NamedTuple):
     residual_kind: str  # kind of residual that the effect changes most
     before: np.ndarray  # (n, k): held-out errors of that kind without the effect, SI
     after: np.ndarray  # (n, k): held-out errors of that kind with the effect, SI
-    ratio: list  # 95 % interval of the root mean square after over before
+    # [low, high]: 95 % interval of the ratio of the root mean square errors, after over before
+    ratio: list
 
     @property
     def certain(self):
@@ -136,12 +139,12 @@ class ErrorChange(NamedTuple):
 def ratio_interval(fold_of_row, before, after):
     """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
 
-    The standard error belongs to the mean of the jackknife's pseudo-values. Each pseudo-value comes
-    from the ratio of all folds but one. A fold with m times the mean change of the squared errors
-    is cut into m folds before, as a jackknife needs several folds that change. The interval uses
-    Student's t, with one degree of freedom less than there are folds. It is zero to infinity if
-    fewer than two folds have errors. (An interval of the logarithm has the same coverage, but is
-    far wider if one fold has most of the error, as with a step.)
+    First, a fold with m times the mean squared change of the errors is cut into m folds, as a
+    jackknife needs several folds that change. The standard error belongs to the mean of the
+    jackknife's pseudo-values. Each pseudo-value comes from the ratio of all folds but one. The
+    interval uses Student's t, with one degree of freedom less than there are folds. The interval is
+    zero to infinity if fewer than two folds have errors. (An interval of the logarithm has the same
+    coverage, but is far wider if one fold has most of the error, as with a step.)
 
     Parameters
     ----------

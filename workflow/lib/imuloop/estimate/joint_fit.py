@@ -1,8 +1,8 @@
 """The joint fit of accelerometer and gyroscope to the rests and moves of a recording.
 
 A rest is a pose at rest, a move is what lies between two rests. The state x has the 21 parameters
-of both sensors and then the parameters of the effects, in nominal SI: raw readings less the data
-sheet's offset, times its scale.
+of both sensors and then the parameters of the effects, in nominal SI: raw readings minus the
+offset, times the scale of the data sheet.
 """
 
 from dataclasses import dataclass, replace
@@ -41,13 +41,14 @@ class JointFit:
     start : ndarray, shape (21,)
         State x to start from, without effects.
     prior : Prior or None
-        The distribution of x before the data, by the data sheet or the device family. It is written
-        into the calibrations.
+        The distribution of x before the data, by the data sheet or the device family. The prior is
+        written into the calibrations.
     known : (ndarray, ndarray)
         Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
-        independent components of variance one. It includes `prior`, and turns by known angles.
+        independent components of variance one. These rows include `prior` and the turns by known
+        angles.
     method : str
-        Kind of the sessions that were recorded; it is written into the calibrations.
+        Kind of the sessions that were recorded, which is written into the calibrations.
     """
 
     factors: Factors
@@ -58,7 +59,7 @@ class JointFit:
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
-    # of the Factors: names of the estimated sensors, kinds of residuals that count, and a function
+    # from `factors`: names of the estimated sensors, kinds of residuals that count, and a function
     # that takes a recording and returns the rests and the kind of each of its residuals
     estimated = property(attrgetter("factors.sensors"))
     kinds = property(attrgetter("factors.kinds"))
@@ -79,7 +80,7 @@ class JointFit:
         The state x, (p,), has the 21 parameters of both sensors and then the parameters of
         `effects`, a sequence of SensorEffect.
         """
-        return self.factors.about(recording, State(x, tuple(effects)))
+        return self.factors.linearised_about(recording, State(x, tuple(effects)))
 
     def linearise(self, solution, recording):
         """Return the residuals of a recording and their Jacobian at the estimates of a Fit.
@@ -100,8 +101,8 @@ class JointFit:
             Covariance by the noise of known size.
         list of Component
             Flicker and random walk of each channel whose size the noise model gives with a standard
-            error; both are the prior of the size. Then the error of rotations that were sampled too
-            slowly.
+            error: this value and its error are the prior of the size. If rotations were sampled too
+            slowly, the last component is the error of these rotations.
         list of Component
             For each kind of residual an excess, independent noise of unknown size: errors that the
             model lacks, and the motion of a hand, which do not average out over a rest.
@@ -119,8 +120,9 @@ class JointFit:
         certain_noise = self.noise.with_sizes(dict.fromkeys(uncertain, 0.0))
         # noise of uncertain size is left out here, as it is among the components
         fixed = covariance.by(certain_noise, aliasing=not aliased)
-        # (covariance at size one, prior size, its standard deviation, kind of residual): the unit
-        # of the size is the standard error, so that sizes of all terms are of the same order
+        # (covariance at size one, prior size, standard deviation of the size, kind of residual):
+        # the unit of the size is the standard error, so that sizes of all terms are of the same
+        # order
         parts = [
             (std**2 * covariance.component(c, term), size / std, 1.0, kind_of_channel[c])
             for (c, term), (size, std) in uncertain.items()
@@ -175,13 +177,13 @@ class JointFit:
         R, z = self.known if prior is None else prior
         R = np.pad(R, ((0, 0), (0, p - R.shape[1])))
         # the weights and the effects' derivatives depend on the calibrated output, which the start
-        # gives to about 1 %
+        # gives to about 1 %: so the fit is repeated, twice at most, or once from an earlier fit
         for _ in range(3 if start is None else 2):
             measured = self.measure(x, recording, effects)
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
-            values, jacobian = with_prior(linearised, x, (R, z))
+            values, jacobian = append_prior(linearised, x, (R, z))
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
@@ -191,7 +193,7 @@ class JointFit:
                 break
         # χ² uses the covariance of the noise model, without the excess
         owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
-        owners, (values, jacobian) = np.unique(owner[:n]), with_prior(measured.at(x), x, (R, z))
+        owners, (values, jacobian) = np.unique(owner[:n]), append_prior(measured.at(x), x, (R, z))
         squares, _ = chi_square(values, estimated, jacobian, [owner == name for name in owners])
         reduced = (chi2 / dof if dof > 0 else None for chi2, dof in squares)
         reduced = dict(zip(owners.tolist(), reduced, strict=True))
@@ -200,13 +202,13 @@ class JointFit:
     def calibrations(self, solution, covariance=None):
         """Return the SensorCalibration of each estimated sensor, a dict by name, from a Fit.
 
-        `covariance`, (p, p), belongs to the p estimates; by default the covariance of the Fit times
-        its reduced χ², if that is above one.
+        `covariance`, (p, p), is that of the p estimates; by default the covariance of the Fit times
+        the reduced χ² of the Fit, if that is above one.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}
-        # the bias of the gyroscope may be held at its value before the fit: it has the variance of
-        # its prior, and no covariance with other parameters
+        # if the bias of the gyroscope is held at its value before the fit, it has the variance by
+        # the prior, and no covariance with other parameters
         if self.factors.bias_held:
             state.x[BIAS], covariance[BIAS], covariance[:, BIAS] = self.start[BIAS], 0.0, 0.0
             covariance[BIAS, BIAS] = solution.covariance[BIAS, BIAS] * np.eye(3)
@@ -225,8 +227,8 @@ class JointFit:
         return calibrations
 
 
-def with_prior(linearised, x, prior):
-    """Return residuals, (N,), and their Jacobian, (N, p), of a recording and then of a prior.
+def append_prior(linearised, x, prior):
+    """Return the N residuals, (N,), of a recording and then of a prior, and their Jacobian, (N, p).
 
     `linearised` has the residuals and the Jacobian of the recording at the parameters x, (p,). The
     prior, R, (k, p), and z, (k,), has the residuals ``R x - z``.

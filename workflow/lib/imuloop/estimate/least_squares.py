@@ -60,8 +60,8 @@ class Fit:
 def fit(linearise, x0, covariance, prior=None, first=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` over the parameters x; R and z are a prior.
 
-    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. It scales each parameter
-    by the norm of its column of the Jacobian.
+    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. The solver scales each
+    parameter by the norm of the column of the Jacobian that belongs to it.
 
     Parameters
     ----------
@@ -136,18 +136,18 @@ def chi_square(values, covariance, jacobian, groups):
     values : ndarray, shape (n,)
         Residuals.
     covariance : ndarray, shape (n, n)
-        Their covariance Σ.
+        Covariance Σ of the residuals.
     jacobian : ndarray, shape (n, p)
-        Their Jacobian J.
+        Jacobian J of the residuals.
     groups : sequence of ndarray, shape (n,) of bool
         For each group, a mask of its residuals.
 
     Returns
     -------
     list of (float, float)
-        χ² and degrees of freedom of each group. Its degrees of freedom are its number of residuals
-        minus its share of the parameters, the trace of its block of ``J C Jᵀ Σ⁻¹``; C is the
-        covariance of the parameters, and Σ the block of the group.
+        χ² and degrees of freedom of each group. The degrees of freedom are the number of residuals
+        of the group minus a share of the parameters. This share is the trace of ``J C Jᵀ Σ⁻¹``,
+        with the rows of the group alone in J and Σ, and the covariance C of the parameters.
     float
         Logarithm of the restricted likelihood of all residuals.
     """
@@ -168,9 +168,9 @@ def chi_square(values, covariance, jacobian, groups):
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
     # whitened residuals without the part that the parameters explain
-    rest = white[:, 0] - q @ (q.T @ white[:, 0])
-    likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
-    return squares, float(likelihood)
+    white_residuals = white[:, 0] - q @ (q.T @ white[:, 0])
+    log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
+    return squares, float(-log_det - white_residuals @ white_residuals / 2)
 
 
 def covariance_of(white):

@@ -9,7 +9,8 @@ from itertools import permutations
 import numpy as np
 
 # share from which on one effect imitates another. An effect of three times its detection limit has
-# nine times the noncentrality; if another effect explains 8/9 of it, the rest is at the limit
+# nine times the noncentrality of one at the limit; if another effect explains 8/9 of that, what
+# remains is at the limit
 SHARE = 8 / 9
 # share from which on two patterns count as the same
 ONE = 0.999
@@ -34,12 +35,13 @@ def share_on_axes(training_fit, first, second):
 def imitated_share(training_fit, first, second):
     """Return the share of the first effect that the second one imitates on one axis.
 
-    The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
-    derivatives of all rows with respect to their parameters, after the nuisance parameters, which
-    every fit has, are projected out. The second effect explains at least this share of the square
-    of the first one, for any parameters of the first. The share is zero if the second has fewer
-    columns. Products of columns are weighted with the inverse of the noise covariance that is
-    likeliest without effects.
+    The pattern of an effect is the derivative of all rows with respect to its parameters. The share
+    is ``cos²`` of the largest principal angle between the patterns of both effects, after the
+    nuisance parameters, which every fit has, are projected out. The second effect explains at least
+    this share of the square of the first one, for any parameters of the first. The share is zero if
+    the second has fewer columns, or if the columns of one effect are linearly dependent. Products
+    of columns are weighted with the inverse of the noise covariance that is likeliest without
+    effects.
 
     Parameters
     ----------
@@ -73,8 +75,8 @@ def imitations(search, kinds):
     A pair has the name of the imitated kind, ``effect``, the name of the imitator, ``with``, and
     the ``share`` of the square of the first that the second explains, if it is at least `SHARE`. A
     kind has variants, effects with values of their constants. For each variant of the first kind,
-    the variant of the second kind is taken that explains most, on the axis on which it explains
-    least; the share is the median over the variants of the first kind.
+    the share is that of the variant of the second kind that explains most, on the axis on which
+    this variant explains least. The median over the variants of the first kind is returned.
 
     Parameters
     ----------
@@ -100,9 +102,10 @@ def imitations(search, kinds):
 def twin(search, base, kind):
     """Return the name of an effect in the model that a candidate could replace, or None.
 
-    The candidate could if it passes the significance test without this effect in the model, and the
-    effect does not pass with the candidate in the model. `search` is the Search in all rows, `base`
-    has the effects in the model, and `kind` is the kind of the candidate.
+    The candidate could replace an effect if the candidate passes the significance test without this
+    effect in the model, and the effect does not pass with the candidate in the model. `search` is
+    the Search in all rows, `base` has the effects in the model, and `kind` is the kind of the
+    candidate.
     """
     for effect in reversed(base):
         other_effects = tuple(e for e in base if e is not effect)
@@ -118,7 +121,7 @@ def twin(search, base, kind):
 def masking_effect(search, base, kind):
     """Return the name of an effect in the model that prevents the test of a candidate, or None.
 
-    With all effects in the model the candidate cannot be estimated; without this one it can.
+    The candidate cannot be estimated with all effects in the model, but it can without this effect.
     `search` is the Search in all rows, `base` has the effects in the model, and `kind` is the kind
     of the candidate.
     """

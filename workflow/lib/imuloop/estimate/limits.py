@@ -1,8 +1,8 @@
 """Detection limits: the least size of an effect that the test and cross-validation would show.
 
 A row is one scalar residual. A column is the derivative of all rows on one axis with respect to one
-parameter of the effect, scaled to length one; its size is the parameter times the scale. A noise
-hypothesis is one covariance that the noise of the rows may have.
+parameter of the effect, scaled to length one. The size of a column is the parameter times the norm
+of that derivative. A noise hypothesis is one covariance that the noise of the rows may have.
 """
 
 from dataclasses import dataclass, replace
@@ -60,8 +60,9 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     """
     problem, limits = search.problem, {}
     training_fit = search.training_fit(base)
-    pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
-    for axis, columns in enumerate(moved.columns):
+    # patterns of the tested effect, and of the effect that the data are assumed to have
+    pattern, in_data = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
+    for axis, columns in enumerate(in_data.columns):
         fit = training_fit.fit((*base, trial.effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
@@ -73,7 +74,7 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
             columns=columns,
             power=power,
             # the test multiplies the p-value by the number of variants that were tried
-            threshold=search.threshold(len(base)) - trial.tries,
+            threshold=search.threshold(len(base)) - trial.log_tries,
         )
         # information about each column under the likeliest noise hypothesis
         information = test.chi_square_drop() / fit.scale[:, None]
@@ -91,10 +92,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
                     problem, sizes[part], passes[part]
                 )
         first = first_size(passes)
-        for k, index in enumerate(moved.parameters[axis]):
+        for k, index in enumerate(in_data.parameters[axis]):
             if first[k] < len(SIZES):
                 name = list(trial.effect.parameters)[index]
-                limits[name] = float(sizes[first[k], k] / moved.scale[axis][k])
+                limits[name] = float(sizes[first[k], k] / in_data.scale[axis][k])
     return {name: limits[name] for name in trial.effect.parameters if name in limits}
 
 
@@ -104,8 +105,9 @@ def first_size(passes):
     `passes`, (s, q) of bool, says which of s increasing sizes of each of q parameters pass a test.
     The index is s if the largest size fails.
     """
-    failing = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
-    return len(passes) - np.argmin(failing, axis=0)
+    # from the largest size down; the last row, which fails, ends the search for the first failure
+    descending = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
+    return len(passes) - np.argmin(descending, axis=0)
 
 
 @dataclass(frozen=True)
@@ -212,21 +214,21 @@ class AxisTest:
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
         A size counts if the 95 % interval of the ratio of held-out errors, with the effect in the
-        model to without, would lie below one. The data have s times the column x, the derivative of
-        all rows (scalar residuals) with respect to one parameter of the effect. A row is predicted
-        by a fit to the rows of other folds; its held-out error is
+        model to without, would lie below one. The data have z times the column x, the derivative of
+        all rows (scalar residuals) with respect to one parameter of the effect; z is the size. A
+        row is predicted by a fit to the rows of other folds; its held-out error is
 
         - e, with the variance v, by the noise alone;
-        - ``e + s c`` without the effect in the model, where c is the held-out error of x;
-        - ``e + s C - d δ`` with the effect in the model, where C is the held-out error of x in a
+        - ``e + z c`` without the effect in the model, where c is the held-out error of x;
+        - ``e + z C - d δ`` with the effect in the model, where C is the held-out error of x in a
           fit that has the effect's columns. d are the held-out errors of these columns without the
           effect in the model, and δ is the error of their coefficients, with the covariance V.
 
         The expected sums of squares over fold k, without the effect and with it, are
 
-            B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ).
+            B_k = Σ (v + z² c²),    A_k = Σ (v + z² C² + d V dᵀ).
 
-        The variance of their difference is ``Σ 4 v (s² (c - C)² + d V dᵀ)``. From these sums follow
+        The variance of their difference is ``Σ 4 v (z² (c - C)² + d V dᵀ)``. From these sums follow
         the ratio ``√(A/B)`` over all folds and its jackknife error. `problem` is the StaticProblem,
         PoseProblem or MotionProblem; it gives the unit of the errors and the kinds of residuals.
         """
@@ -281,8 +283,8 @@ class AxisTest:
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
-    A ratio is the root of the sum of squares with an effect over that without. Its standard error
-    comes from the scatter between folds, as by a jackknife, and from the noise.
+    A ratio is the root of the sum of squares with an effect over that without. The standard error
+    of a ratio comes from the scatter between folds, as by a jackknife, and from the noise.
 
     Parameters
     ----------
@@ -290,14 +292,14 @@ def is_below_one(after, before, variance, quantile):
         Expected sums of squares of the held-out errors in each fold, with and without an effect in
         the model, at s sizes of the effect in the data.
     variance : ndarray, shape (s, folds)
-        Variance of their difference by the noise.
+        Variance, by the noise, of the difference of `after` and `before`.
     quantile : float
         Number of standard deviations by which the noise may make the ratio larger: the upper end of
-        its 95 % interval has to stay below one even then.
+        the 95 % interval of the ratio has to stay below one even then.
     """
     n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
     ratio = np.sqrt(total_after / total_before)
     share = after / total_after[:, None] - before / total_before[:, None]
-    random = variance.sum(axis=1) / (total_after * total_before)
-    error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + random)
-    return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(random) < 1
+    by_noise = variance.sum(axis=1) / (total_after * total_before)
+    error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + by_noise)
+    return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(by_noise) < 1

@@ -54,15 +54,16 @@ def total_covariance(fixed, components, sizes):
 def likely_sizes(values, jacobian, fixed, components, start=None):
     """Return the most likely sizes of k variance components of the noise, (k,).
 
-    The size is a factor on the standard deviation. It is at most `FARTHEST` prior standard
-    deviations above its prior value, and zero if the likelihood is largest there.
+    A size is a factor on the standard deviation of the component. A size is at most `FARTHEST`
+    prior standard deviations above its prior value, and zero if the likelihood is largest at zero.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Residuals r.
     jacobian : ndarray, shape (n, p)
-        Their derivative J with respect to the parameters that are fitted at the same time.
+        Derivative J of the residuals with respect to the parameters that are fitted at the same
+        time.
     fixed : ndarray, shape (n, n)
         Covariance Σ₀ of the noise whose size is known.
     components : sequence of Component
@@ -107,9 +108,10 @@ class SizeLikelihood:
     """
 
     def __init__(self, jacobian, fixed, components):
-        """Store the parts of the covariance; columns of the Jacobian get length one for rounding.
+        """Store the parts of the covariance of the residuals, and the prior of the sizes.
 
-        A size may be up to `FARTHEST` standard deviations above its prior value.
+        Columns of the Jacobian are scaled to length one, which limits rounding errors. A size may
+        be up to `FARTHEST` standard deviations above its prior value.
         """
         self.components = components
         self.prior_sizes = np.array([c.size for c in components])
@@ -163,11 +165,11 @@ class SizeLikelihood:
     def maximise(self, values, start=None, rise=RISE):
         """Return the most likely sizes, (k,), of the k components for n residuals.
 
-        The search takes Newton steps in the squares of the sizes, within the bounds. They use the
-        average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component k at size
-        one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. It is divided by the reduced χ² if that is
-        above one, because it falls by this factor when the sizes have grown. Each step is damped
-        until the likelihood rises.
+        The search takes Newton steps in the squares of the sizes, within the bounds. A step uses
+        the average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component k at
+        size one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. The information is divided by the
+        reduced χ² if that is above one, because the information falls by this factor once the sizes
+        have grown. Each step is damped until the likelihood rises.
 
         Parameters
         ----------

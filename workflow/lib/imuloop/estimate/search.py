@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.core.fisher import fisher
-from imuloop.estimate.axis_fit import combined_axes, log_p_values
+from imuloop.estimate.axis_fit import combine_axes, log_p_values
 from imuloop.estimate.held_out import ErrorChange
 from imuloop.estimate.likeness import ONE, share_on_axes
 from imuloop.model.effect import Effect
@@ -30,11 +30,11 @@ def kinds_of(effects):
 
 
 def _price(base, effect):
-    """Return the price of an effect: the log p-value that it has to be better by, a float.
+    """Return the price of an effect, a float, which is added to its log p-value.
 
     An effect with a constant that is rarely needed, such as the lag of a thermometer, has a price.
-    It is zero if an effect of the same name in `base`, the effects in the model, has the same
-    constants already: a device has one thermometer, and one lag.
+    The price is zero if an effect of the same name in `base`, the effects in the model, has the
+    same constants already: a device has one thermometer, and one lag.
     """
     if not effect.price:
         return 0.0
@@ -59,7 +59,9 @@ class Trial:
     log_p: float  # logarithm of the p-value times the number of variants that were tried
     axis: int  # index of the axis with the smallest p-value
     axes: int  # number of axes that the test combines
-    tries: float = 0.0  # logarithm of the number of variants, part of `log_p`
+    # logarithm of the number of variants that were tried, plus the price of the variant: what
+    # `log_p` has more than the test of this variant alone
+    log_tries: float = 0.0
     # whether a parameter is above its physical limit by more than its standard error
     impossible: bool = False
     change: ErrorChange | None = None  # change of the held-out errors, if it was computed
@@ -127,8 +129,8 @@ class Search:
         Returns
         -------
         list of Trial or None
-            An entry for each variant. It is None if no axis depends on the variant, or if one that
-            does cannot estimate it.
+            An entry for each variant. The entry is None if no axis depends on the variant, or if an
+            axis that depends on it cannot estimate its parameters.
         """
         training_fit, testable = self.training_fit(base), {}
         axes = range(training_fit.evidence.axes)
@@ -154,10 +156,10 @@ class Search:
     def trial(self, base, kind, may_give_up=False):
         """Return the Trial of the best variant of a kind of effect, added to `base`, or None.
 
-        It is None if the base has the kind, or if no variant can be estimated. Most kinds have a
-        list of variants. A kind with too many, such as steps at any time, has a scan, a function
-        that finds the best one. With `may_give_up` the result is also None if the scan stops early,
-        because its first step is not clearer than chance.
+        The result is None if the base has the kind, or if no variant can be estimated. Most kinds
+        have a list of variants. A kind with too many, such as steps at any time, has a scan, a
+        function that finds the best one. With `may_give_up` the result is also None if the scan
+        stops early, because its first step is not clearer than chance.
         """
         if kind in kinds_of(base):
             return None
@@ -169,13 +171,13 @@ class Search:
                 self._trials[key] = self.problem.scans[kind](self, base, may_give_up)
             else:
                 variants = self.problem.variants[kind]
-                # the price of a variant was added to its log p already, so that such a variant
-                # counts as a try with the weight exp(-price)
-                tries = np.log(sum(np.exp(-variant.price) for variant in variants))
-                self._trials[key] = self.best_variant(base, variants, tries)
+                # a variant with a price counts as a try with the weight exp(-price), because the
+                # price is added to its log p as well
+                log_tries = np.log(sum(np.exp(-variant.price) for variant in variants))
+                self._trials[key] = self.best_variant(base, variants, log_tries)
         return self._trials[key]
 
-    def best_variant(self, base, variants, tries):
+    def best_variant(self, base, variants, log_tries):
         """Return the Trial of the best of several variants, or None if none can be estimated.
 
         The best variant has the smallest p-value. If others have a log p within a share `ALIKE` of
@@ -188,8 +190,8 @@ class Search:
             Effects that are in the model already.
         variants : sequence of Effect
             Effects of one kind, with different values of their constants.
-        tries : float
-            Logarithm of the number of variants that were tried. It is added to log p.
+        log_tries : float
+            Logarithm of the number of variants that were tried, which is added to log p.
         """
         trials = self._priced_tests(base, variants)
         smallest = min((t.log_p for t in trials), default=0.0)
@@ -208,8 +210,8 @@ class Search:
             values, std, _ = self.estimate(base, best.effect)
             impossible = bool(np.any(np.abs(values) - std > best.effect.kind.limit))
         # log p includes the price already
-        price = _price(base, best.effect)
-        return replace(best, log_p=best.log_p + tries, tries=tries + price, impossible=impossible)
+        log_p, log_tries = best.log_p + log_tries, log_tries + _price(base, best.effect)
+        return replace(best, log_p=log_p, log_tries=log_tries, impossible=impossible)
 
     def _priced_tests(self, base, variants, hypotheses=slice(None)):
         """Return the significance tests of those variants that can be estimated, a list of Trial.
@@ -225,9 +227,9 @@ class Search:
     def estimate(self, base, effect):
         """Return the p parameters of an effect added to `base`, the effects in the model.
 
-        The result is their values, (p,), standard errors, (p,), and covariance, (p, p), SI. They
-        are averaged over the noise hypotheses and combined from all axes. Parameters that no axis
-        can estimate are zero.
+        The result is the values of the parameters, (p,), their standard errors, (p,), and their
+        covariance, (p, p), SI. All are averaged over the noise hypotheses and combined from all
+        axes. Parameters that no axis can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
         for axis in range(training_fit.evidence.axes):
@@ -238,7 +240,7 @@ class Search:
                 coefficients, covariance = (x[..., -len(index) :] for x in fit.average())
                 covariance = covariance[-len(index) :] / np.outer(scale, scale)
                 estimates.append((index, coefficients / scale, covariance))
-        values, covariance = combined_axes(len(effect.parameters), estimates)
+        values, covariance = combine_axes(len(effect.parameters), estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
     @property
@@ -249,8 +251,8 @@ class Search:
     def significant_effects(self, kinds):
         """Return the significant effects of the given kinds, a tuple, without cross-validation.
 
-        They are added one by one, each time the one with the smallest p-value, until none passes
-        the test. After each addition the constants of the earlier effects are chosen again.
+        Effects are added one by one, each time the effect with the smallest p-value, until none
+        passes the test. After each addition the constants of the earlier effects are chosen again.
         """
         effects = ()
         while best := self.best_trial(effects, kinds):
@@ -261,9 +263,10 @@ class Search:
         """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
         The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if its log p has at least half the size
-        (`AS_CLEARLY`) of the other's log p, as the log shows its cause. Formulas, effects without a
-        known cause, are tried if no other effect passes. `base` has the effects in the model.
+        an effect of time or of the past temperature if the size of its log p is at least half
+        (`AS_CLEARLY`) of the size of the other's log p, because the log shows the cause of such an
+        effect, the temperature. Formulas, effects without a known cause, are tried if no other
+        effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
@@ -288,10 +291,11 @@ class Search:
         return self._first_alike(base, best, passing) if best else None
 
     def _first_alike(self, base, best, passing):
-        """Return the first Trial in a list that these data cannot tell from the best one.
+        """Return the first Trial in a list whose effect looks like that of the best Trial here.
 
-        In one attitude, for example, a change of scale factor is the same as a change of bias.
-        `base` has the effects in the model; `passing` is the list, and `best` is one of its Trials.
+        These data cannot tell such effects apart. In one attitude, for example, a change of scale
+        factor is the same as a change of bias. `base` has the effects in the model; `passing` is
+        the list, and `best` is one of its Trials.
         """
         training_fit = self.training_fit(base)
         for trial in passing:
@@ -315,9 +319,10 @@ class Search:
         for i, effect in enumerate(effects[:-1]):
             variants, best = self.problem.variants.get(effect.kind, ()), None
             other_effects = effects[:i] + effects[i + 1 :]
-            # only the p-values of one kind are compared, so the number of tries is left out
+            # only p-values of one kind are compared, so p-values are not corrected for the number
+            # of variants: the logarithm of this number is taken as zero
             if len(variants) > 1:
-                best = self.best_variant(other_effects, variants, tries=0.0)
+                best = self.best_variant(other_effects, variants, log_tries=0.0)
             elif effect.kind in self.problem.scans and self.problem.scans_again:
                 best = self.trial(other_effects, effect.kind)
             effects = (*effects[:i], best.effect, *effects[i + 1 :]) if best else effects
@@ -358,7 +363,7 @@ class Search:
         The effects are added one after the other, with the constants that fit the training rows
         best. A kind that cannot be estimated is left out.
         """
-        # the first kinds alone are stored, too: choices without a fold ask for them again
+        # the model with all kinds but the last is stored, too, as later calls ask for it
         if kinds and kinds not in self._by_kinds:
             base = self.effects_of_kinds(kinds[:-1])
             trial = self.trial(base, kinds[-1])

@@ -14,8 +14,8 @@ from scipy.linalg.lapack import dtrtri
 
 from imuloop.estimate.axis_fit import Fit, scaled_inverse
 
-# a column counts as linearly independent of others if more than this share of its square remains
-# after the projection onto them
+# a column counts as linearly independent of other columns if more than this share of its square
+# remains after the projection onto the others
 ABSORBED = 1e-6
 # share of a column's square that rounding alone may leave
 ROUNDING = 1e-12
@@ -46,12 +46,12 @@ class TrainingFit:
 
     @cached_property
     def _roots(self):
-        """For each group of rows R, (h, u, u), upper triangular, with ``R Rᵀ = (Uᵀ P U)⁻¹``.
+        """The matrix R of each group of rows, (h, u, u), upper triangular: ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
-        U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
-        unit vector for each held-out row: with its own parameter, the row has no influence. Then it
-        has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse of the
-        covariance of the rows under each of h noise hypotheses.
+        U, (n, u), has the columns that are projected out of the n rows of the group. First U has a
+        unit vector for each held-out row: a row with its own parameter has no influence. Then U has
+        the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
+        inverse of the covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
         groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
@@ -80,9 +80,10 @@ class TrainingFit:
     def log_det(self):
         """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows, those not held out.
 
-        Σ is their covariance under each of h noise hypotheses, N their derivative by the nuisance
-        parameters. The sum equals ``log det Σ_all + log det Uᵀ P U`` with the covariance Σ_all of
-        all rows, its inverse P, and U that has N and a unit vector for each held-out row.
+        Σ is the covariance of the training rows under each of h noise hypotheses, and N is their
+        derivative with respect to the nuisance parameters. The sum equals ``log det Σ_all + log det
+        Uᵀ P U`` with the covariance Σ_all of all rows, its inverse P, and U that has N and a unit
+        vector for each held-out row.
         """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
         diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
@@ -132,9 +133,9 @@ class TrainingFit:
 
         `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
         precision of the training rows after the nuisance parameters are projected out. The
-        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is
-        ``xᵀ P x`` less the part of |t|² by the held-out rows, under the first noise hypothesis:
-        with it a column is compared that the nuisance parameters and other columns may explain.
+        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x is
+        ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis. A
+        fit compares this square with what the nuisance parameters and other columns leave of x.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
@@ -202,7 +203,8 @@ class TrainingFit:
     def fit(self, effects, axis):
         """Return the Fit of one axis, an index, to the training rows with some effects.
 
-        It is None if the derivatives by the parameters of the effects are linearly dependent.
+        It is None if the derivatives with respect to the parameters of the effects (columns) are
+        linearly dependent, or if there are as many columns as rows.
         """
         key = tuple(effects)
         if key not in self._fits:
@@ -221,8 +223,8 @@ class TrainingFit:
         -------
         list of list of Fit or None
             For each axis a list with an entry for each tuple in `additions`. The entry is None if
-            the derivatives by the parameters of the effects (columns) are linearly dependent, or
-            if there are as many columns as rows.
+            the derivatives with respect to the parameters of the effects (columns) are linearly
+            dependent, or if there are as many columns as rows.
         """
         axes, columns_of = range(len(self.evidence.residual_columns)), self.evidence.columns_of
         # by the base's columns and the number q of further columns: for each set of further columns
@@ -238,6 +240,7 @@ class TrainingFit:
             sets = np.reshape(list(indices_by_set), (len(indices_by_set), count)).astype(int)
             by_set = zip(self._fit(shared, sets), indices_by_set.values(), strict=True)
             for by_axis, indices in by_set:
+                # without a fit of these columns, `by_axis` is None
                 for axis, k in indices:
                     fits[axis][k] = by_axis and by_axis[axis]
         return fits
@@ -258,8 +261,8 @@ class TrainingFit:
         Returns
         -------
         list of list of Fit, or None
-            For each set a Fit to the residuals of each axis; None if its columns are linearly
-            dependent.
+            For each set a Fit to the residuals of each axis; None if the columns of the fit are
+            linearly dependent, or as many as the rows.
         """
         # number of axes, of sets, of further columns, and of all columns of a fit
         axes, (count, q) = len(self.evidence.residual_columns), sets.shape
@@ -343,8 +346,8 @@ class TrainingFit:
         index = hypothesis if index is None else index
         coefficients, nuisances = fit.coefficients[hypothesis], []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
-            # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
-            # them
+            # corrections t of the residuals and of the columns: ``R t`` are the projected-out
+            # parameters of a fit to the residuals, or to a column
             t = self.corrections(i, (self.evidence.residual_columns[axis], *columns))[index]
             # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
@@ -394,7 +397,7 @@ class TrainingFit:
         hypothesis, information, variance = self.hypothesis(fit), 0.0, 0.0
         for i, z in enumerate(self.evidence.split(columns)):
             weighted = self.apply_precision(i, hypothesis, z)
-            noise = self.evidence.row_groups[i].noise.mean(fit.probability * fit.scale)
+            noise = self.evidence.row_groups[i].noise.weighted_sum(fit.probability * fit.scale)
             information = information + z.T @ weighted
             variance = variance + weighted.T @ noise @ weighted
         return information, variance

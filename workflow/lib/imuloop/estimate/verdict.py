@@ -49,7 +49,7 @@ class NoiseComparison:
     # the first two are averaged over the alternatives of the noise
     p_value: float  # probability that the noise gives so large a χ² of the fit
     heldout_p_value: float  # probability that the noise gives so large held-out errors
-    p_value_as_estimated: float  # as `p_value`, with the noise as estimated
+    p_value_as_estimated: float  # the same as `p_value`, but for the noise as estimated alone
     reduced_chi2: float  # reduced χ² of the fit with the noise as estimated
 
 
@@ -63,7 +63,7 @@ def compare_with_noise(groups, log_prior, fitted=0):
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
     fitted : int
-        Number of fitted parameters that are not columns of a Jacobian. It is subtracted from the
+        Number of fitted parameters that are not columns of a Jacobian, which is subtracted from the
         degrees of freedom of every kind.
 
     Returns
@@ -125,11 +125,11 @@ def verdict(above_before, above_after, effects):
     return "partly_explained" if above_after else "explained"
 
 
-def of_calibration(records, static):
+def calibration_verdict(records, static):
     """Return the worst verdict of the records that a sensor's calibration comes from, one word.
 
-    It is ``not_testable`` if no record was tested. Poses and the comparison to a reference always
-    count. Other records, such as motion, count if they added an effect.
+    The result is ``not_testable`` if no record was tested. Poses and the comparison to a reference
+    always count. Other records, such as motion, count if they added an effect.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def of_calibration(records, static):
 def may_lack_effect(content):
     """Return whether the model of a record may lack an effect, a bool.
 
-    It may if the verdict says so, or if only more slow noise than was estimated explains the
-    residuals, as a missing effect can look like slow noise. `content` is the part of diagnosis.json
-    on this record, a dict.
+    It may lack an effect if the verdict says so, or if only more slow noise than was estimated
+    explains the residuals, as a missing effect can look like slow noise. `content` is the part of
+    diagnosis.json on this record, a dict.
     """
     return content["verdict"] in LEFT or content.get("slow_noise", False)
 
@@ -160,11 +160,12 @@ def may_lack_effect(content):
 def above_floor(comparison, significance, heldout, floor, has_effects):
     """Return whether a residual is larger than the noise explains, a bool.
 
-    It is in two cases. The floor is the held-out error that the noise alone gives:
+    The floor is the held-out error that the noise alone gives. A residual is too large in two
+    cases:
 
     - χ² of the fit is too large, and the held-out error is above its floor.
     - The held-out error is above its floor by more than `MARGIN`, and is too large for the noise.
-      χ² does not matter here: a wrong effect fits the data that it was chosen by.
+      χ² does not matter here: even a wrong effect fits the data by which it was chosen.
 
     Parameters
     ----------
@@ -187,7 +188,8 @@ def why_not_shown(kind, limits, units):
     """Return the reason, text, why these data cannot show an effect of any possible size, or None.
 
     `kind` is the kind of effect, whose `limit` is the largest possible size. `limits` are the least
-    sizes that the data would show, SI, and `units` their units, both dicts by parameter.
+    sizes that the data would show, SI, and `units` their units, both dicts by parameter; `limits`
+    is empty if the data would show no size that was tried.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

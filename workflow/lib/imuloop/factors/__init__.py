@@ -1,5 +1,5 @@
 """Factors of the joint fit: each kind of measurement has a residual, a Jacobian and a noise.
 
 A rest is a pose of the device. A move is what lies between two rests; the device rotates in it.
-Nominal SI values are raw readings less the data sheet's offset, times its scale.
+Nominal SI values are raw readings minus the offset, times the scale of the data sheet.
 """

@@ -19,7 +19,7 @@ class ChannelMeans:
     """Means of the noise of a channel over M windows: the n rests, then the parts of the m moves.
 
     Each move has `PARTS` parts of equal length. Slow noise (flicker and random walk) is taken
-    relative to its mean over all rests, because that mean is part of the bias.
+    relative to the mean of this noise over all rests, because that mean is part of the bias.
 
     Parameters
     ----------
@@ -28,12 +28,13 @@ class ChannelMeans:
     """
 
     def __init__(self, rests, moves):
+        """Compute the start and end of each window, s, `windows`, (M, 2)."""
         self.rests = rests
         ends = np.linspace(moves.start_s, moves.end_s, PARTS + 1)
         parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
         self.windows, cycle = np.concatenate([rests.windows, parts]), rests.power_cycle
         cycle = np.append(cycle, np.repeat(cycle[moves.first], PARTS))
-        # computed once for all channels
+        # edges of the windows by power cycle, computed once for all channels
         self.edges = edges(self.windows, cycle)
 
     @cached_property
@@ -76,7 +77,7 @@ class ChannelMeans:
         return model.mean_covariance(self.windows, self.edges)
 
     def _subtract_mean(self, covariance):
-        """Return the covariance, (M, M), of the M means less the mean over all rests.
+        """Return the covariance, (M, M), of the M means minus the mean over all rests.
 
         `covariance`, (M, M), belongs to the means themselves. Rests count by their duration.
         """
@@ -93,13 +94,14 @@ class ResidualCovariance:
     residuals in two ways. Slow noise and the noise of rests enter by M means of the channel, over
     the rests and over `PARTS` parts of each move; the gain is the derivative of the residuals with
     respect to these means. White noise within a move, and errors by undersampling, dropped samples
-    and jitter, enter the residuals of that move only; they correlate its rotation and its velocity.
-    Noise of different power cycles is independent.
+    and jitter, enter the residuals of that move only, and correlate the residuals of the rotation
+    and of the velocity of a move. Noise of different power cycles is independent.
 
     Takes the Linearised factors, which have N residuals that the fit uses.
     """
 
     def __init__(self, linearised):
+        """Store the residuals of moves, and compute how all residuals depend on the means."""
         measured, self.means = linearised.measured, linearised.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
         self.rows, self.places = linearised.move_rows, linearised.places
@@ -111,7 +113,7 @@ class ResidualCovariance:
     def by(self, noise, aliasing=True):
         """Return the covariance, (N, N), of the N residuals that the fit uses, by a NoiseModel.
 
-        It includes the errors of rotations by undersampling if `aliasing` is true.
+        The covariance includes the errors of rotations by undersampling if `aliasing` is true.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
@@ -169,6 +171,7 @@ class ResidualCovariance:
         `covariance`, (m, g, 3, 3), rad², is the covariance of the errors that arise in each of g
         parts of the rotation, on body axes.
         """
+        # (m, g): time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
         return (gain @ covariance @ gain.swapaxes(2, 3)).sum(axis=1)
@@ -177,11 +180,13 @@ class ResidualCovariance:
     def _tilt_columns(self):
         """Columns C, (3, L, c), of the covariance ``C Cᵀ`` by white noise of each rate at tilts.
 
-        L is the number of all residuals, used by the fit or not. The first axis is the rate's.
+        The first axis numbers the three rates, L is the number of all residuals, used by the fit or
+        not, and c the number of columns.
+
         At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
         of the rest, of duration T. White noise n of density one changes these small rotations by
         ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the
-        start. Their variances are T/3, their covariance is -T/6.
+        start. The variances of these two rotations are T/3, their covariance is -T/6.
         """
         rests, first, columns = self.rests, self.moves.first, []
         for k in np.flatnonzero(rests.tilt > 0):
@@ -225,10 +230,10 @@ class ResidualCovariance:
 
 
 def _integrate_parts(values, seconds, passed):
-    """Return integrals over time of values over `PARTS` parts of each move, (m, PARTS, a, 3).
+    """Return the integrals of values over `PARTS` equal parts of each move, (m, PARTS, a, 3).
 
     `values`, (m, k, a, 3), has k values per move. `seconds`, (m, k), is the time that each value
-    lasts, and `passed`, (m, k), its time since the start of the move, s.
+    lasts, and `passed`, (m, k), the time from the start of the move to each value, s.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]

@@ -24,14 +24,14 @@ OF_SENSOR = {s: tuple(kind for kind, owner in OWNER.items() if owner == s) for s
 AT_RESTS = ("gravity_norm", "pose_rate")
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
 OWNER |= dict.fromkeys(VELOCITY, "motion")
-# by sensor, the field of Poses, Rotations and Log with its values, and the field of the other
-# sensor
+# by sensor, the fields of Poses, Rotations and Log that have the values of this sensor, and those
+# of the other sensor
 OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 
 
 @dataclass(frozen=True)
 class Factors:
-    """The choice of the measurements that a fit uses: these count.
+    """The choice of the measurements that count in a fit.
 
     Each rest gives residuals of the norm of gravity and of the angular rate. Each move, from one
     rest to the next, gives residuals of its rotation and of the velocity at its end.
@@ -45,8 +45,8 @@ class Factors:
     quiet : ndarray of bool, shape (m,), or None
         Whether the velocity of each move counts; None if none does.
     share : ndarray, shape (m, 3, 2), or None
-        Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. It is
-        subtracted from the residual of the velocity. None is zero.
+        Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. This
+        velocity is subtracted from the residual of the velocity. None is zero.
     bias_held : bool
         Whether the bias of the gyroscope is fixed at its value before the fit.
     """
@@ -70,8 +70,9 @@ class Factors:
     def every_row(self, recording):
         """Return four arrays, (M,), with a value for each of M residuals of a Recording.
 
-        They are the kind of the residual, the index of the rest where it starts, the index of the
-        rest where it ends, and whether the fit uses it. Velocities are left out if none counts.
+        The arrays have the kind of the residual, the index of the rest where the residual starts,
+        the index of the rest where it ends, and whether the fit uses the residual. Velocities are
+        left out if none counts.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds
@@ -89,8 +90,8 @@ class Factors:
     def rows(self, recording):
         """Return the rests, (N, 2) of int, and the kind, (N,) of str, of N residuals.
 
-        These are the residuals of a Recording that the fit uses. The rests are the indices of those
-        where the residual starts and ends.
+        The N residuals are those of a Recording that the fit uses. The rests are given by the
+        indices of the rest where the residual starts and of the rest where it ends.
         """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
@@ -102,14 +103,15 @@ class Factors:
         """
         return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
-    def about(self, recording, state):
+    def linearised_about(self, recording, state):
         """Return the Measurements of a Recording, with the effects linearised about a State.
 
         Effects depend on calibrated values. The State, the parameters of both sensors and of the
-        effects, gives these values.
+        effects, gives these values. If the accelerometer is not used (for example, it is dead), all
+        poses get gravity along z as a placeholder. Then an effect of the specific force on the
+        gyroscope is the same in all poses, as a bias is.
         """
         if "accelerometer" not in self.sensors:
-            # an accelerometer that is not used, as a dead one, has no direction of gravity
             up = np.tile([0.0, 0.0, self.gravity], (len(recording.poses), 1))
             recording = replace(recording, poses=replace(recording.poses, f=up))
         return Measurements(self, recording, state)
@@ -117,13 +119,13 @@ class Factors:
     def without_rotation(self, recording, state, noise):
         """Return the Factors whose velocity residuals are independent of the rotation residuals.
 
-        From the velocity of each of m moves they subtract the velocity that the residual of its
-        rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from the
-        covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
+        From the velocity of each of m moves the new Factors subtract the velocity that the residual
+        of its rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from
+        the covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
         """
         all_moves = np.ones(len(recording.rotations), dtype=bool)
         factors = replace(self, share=None, quiet=all_moves)
-        linearised = factors.about(recording, state).at(state.x)
+        linearised = factors.linearised_about(recording, state).at(state.x)
         index = linearised.places
         # (m, 5, 5): covariance of the five residuals of each move; two are of its rotation
         block = linearised.noise.by(noise)[index[:, :, None], index[:, None]]
@@ -133,16 +135,16 @@ class Factors:
 
 @dataclass(frozen=True)
 class Measurements:
-    """Rests and moves of a recording, with the effects linearised about the State `about`.
+    """Rests and moves of a recording, with the effects linearised about a State.
 
-    `factors` says which of their residuals count. The effects depend on calibrated values of both
-    sensors, which this State gives during the whole fit. So the effects are linear in their
-    parameters.
+    `factors` says which residuals of the rests and moves count. The effects depend on calibrated
+    values of both sensors, which the State `linearisation_point` gives during the whole fit. So the
+    effects are linear in their parameters.
     """
 
     factors: Factors
     recording: object
-    about: State
+    linearisation_point: State
 
     @property
     def rests(self):
@@ -166,7 +168,7 @@ class Measurements:
         It is a pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None
         for the accelerometer if no velocity counts.
         """
-        return self.designs_at(self.about)
+        return self.designs_at(self.linearisation_point)
 
     def designs_at(self, state):
         """Return the derivatives of the effects of a State, a dict by sensor.
@@ -188,15 +190,15 @@ class Measurements:
 
     def at(self, x):
         """Return the residuals and their Jacobian at the parameters x, (p,), a Linearised."""
-        return Linearised(self, State(x, self.about.effects))
+        return Linearised(self, State(x, self.linearisation_point.effects))
 
 
 def _design(sensor, state, table, channels):
     """Return the derivative of the sum of a sensor's effects at a State, (..., 3, q).
 
     The derivative is with respect to the q parameters of the effects. `table` is the Poses or the
-    Rotations, where it is taken. `channels` is the method of the recording that returns the
-    Channels there, on which effects depend.
+    Rotations, at whose values it is taken. `channels` is the method of the recording that returns
+    the Channels there, on which effects depend.
     """
     # values of the sensor and of the other one, nominal SI
     y, other_y = (getattr(table, name) for name in OWN[sensor])

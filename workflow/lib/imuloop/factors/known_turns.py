@@ -17,7 +17,8 @@ class KnownTurns:
 
     T, K and b are the misalignment, the scale factors and the bias of the gyroscope. a is the
     integral of the angular rate over the turn, L its duration, θ its known angle and u its axis, a
-    unit vector. Nominal SI values are raw readings less the data sheet's offset, times its scale.
+    unit vector. Nominal SI values are raw readings minus the offset, times the scale of the data
+    sheet.
     """
 
     turned: np.ndarray  # (m, 3): a, rad, nominal SI
@@ -29,7 +30,7 @@ class KnownTurns:
         return len(self.seconds)
 
     def select(self, keep):
-        """Return the KnownTurns without others than `keep`, an index array or a mask, chooses."""
+        """Return the KnownTurns that `keep`, an index array or a mask, chooses."""
         chosen = {name: getattr(self, name)[keep] for name in ("turned", "seconds", "target")}
         return replace(self, **chosen)
 
@@ -43,8 +44,8 @@ class KnownTurns:
 
         Its bias b is the mean angular rate of the rests. a is the integral of the angular rate over
         a turn, L its duration, θ its known angle, and u its axis. The matrix T K is the
-        least-squares solution of ``T K (a - b L) = θ u``, or one if the turns do not determine it,
-        as with one axis only.
+        least-squares solution of ``T K (a - b L) = θ u``, or the identity if the turns do not
+        determine it, as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
@@ -59,19 +60,19 @@ class KnownTurns:
         x is the state: the 21 parameters of both sensors, without effects, in nominal SI.
         ``R x - z`` are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard
         deviation `BY_HAND`: T K and b are matrix and bias of the gyroscope, a is the integral of
-        the angular rate, L the duration, θ the known angle, and u the axis of the turn. They are
-        linearised about the gyroscope that fits the turns best.
+        the angular rate, L the duration, θ the known angle, and u the axis of the turn. The
+        residuals are linearised about the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
         weights = self.seconds[:, None, None, None] * np.eye(3)
         J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
-        # the residuals are J (x' - x) plus those at x, for a gyroscope with the parameters x'
+        # at the parameters x' of a gyroscope, the residuals are J (x' - x) plus the residuals at x
         z = J @ x - self.errors(sensor).ravel()
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
-        """Return the rotation by the gyroscope less the known one of each turn, rad, (m, 3).
+        """Return the rotation by the gyroscope minus the known rotation of each turn, rad, (m, 3).
 
         It is ``T K (a - b L) - θ u`` on body axes, with the matrix T K and the bias b of the
         gyroscope, the integral a of the angular rate, the duration L, the angle θ and the axis u.

@@ -79,15 +79,7 @@ class Linearised:
     """
 
     def __init__(self, measured, state):
-        """Compute what all residuals share from Measurements and a State.
-
-        `across`, (n, 3, 3), is the derivative of the upward direction at a rest with respect to the
-        specific force; `leaving` and `arriving`, (m, 3), the upward directions before and after a
-        move; `after`, a complex array, the attitude after each time step, from the start of the
-        move; `attitude_within`, (m, k, 3, 3), that in the middle of each step; `weights`, (m, k),
-        s, integrate over the samples of a move; `places`, (m, a), are the indices of a move's a
-        residuals among all residuals.
-        """
+        """Compute the attributes, which several residuals share, from Measurements and a State."""
         self.measured, self.state = measured, state
         rests, moves, factors = measured.rests, measured.moves, measured.factors
         # derivative of the sum of a sensor's effects with respect to their parameters: of the
@@ -101,7 +93,7 @@ class Linearised:
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
         # upward directions at the start and end of each rest, which differ if it tilts: the small
         # rotations within it are calibrated as angular rates are
-        gain = measured.about.sensor("gyroscope").gain.T
+        gain = measured.linearisation_point.sensor("gyroscope").gain.T
         start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
         # rotation vectors of the time steps
@@ -112,7 +104,7 @@ class Linearised:
         half[..., 1:] *= -1
         self.attitude_within = matrix(multiply(self.after, half))
         self.weights = add_at_both_ends(moves.steps / 2)
-        # for each kind of residual of a move, the index of its first one and its components: a rest
+        # for each kind of residual of a move, index of the first and number of components: a rest
         # has one residual of the norm of gravity and three of the rate, so 4 n come before
         self.move_rows, blocks = rotation(self), [(4 * len(rests), 2)]
         if factors.quiet is not None:
@@ -147,18 +139,18 @@ class Linearised:
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
         # the rate of a step is the mean of the rates at its ends
         by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
-        terms = [MoveTerm("gyroscope", by_rate, moves.w)]
+        terms = [MoveTerm(sensor="gyroscope", weights=by_rate, y=moves.w)]
         for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
-            mean = rests.f[rest, None]
-            terms.append(MoveTerm("accelerometer", by_force[:, None], mean, rest=rest))
+            weights, mean = by_force[:, None], rests.f[rest, None]
+            terms.append(MoveTerm(sensor="accelerometer", weights=weights, y=mean, rest=rest))
         if rows.by_force is not None:
             by_force = rows.by_force * self.weights[..., None, None]
-            terms.append(MoveTerm("accelerometer", by_force, moves.f))
+            terms.append(MoveTerm(sensor="accelerometer", weights=by_force, y=moves.f))
         return terms
 
     @cached_property
     def jacobian(self):
-        """Derivative of the N residuals that the fit uses by the p parameters, (N, p)."""
+        """Derivative, (N, p), of the N residuals that the fit uses by the p parameters."""
         designs, state = self.measured.designs, self.state
         jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
         for sensor, at_rest in zip(SENSORS, self.rest_rows, strict=True):
@@ -176,10 +168,10 @@ class Linearised:
     def columns(self, effects):
         """Return the derivative of the N residuals with respect to effects that the state lacks.
 
-        `effects` is a sequence of SensorEffect with q parameters, which are zero. The result is
-        (N, q), with a row for each residual that the fit uses.
+        `effects` is a sequence of SensorEffect with q parameters; the derivative is taken where
+        they are zero. The result is (N, q), with a row for each residual that the fit uses.
         """
-        state = State(self.measured.about.x[:COUNT]).with_effects(effects)
+        state = State(self.measured.linearisation_point.x[:COUNT]).with_effects(effects)
         designs, n = self.measured.designs_at(state), len(self.measured.rests)
         places = {s: state.places(s)[len(NAMES[s]) :] - COUNT for s in SENSORS}
         columns = np.zeros((len(self.measured.counted), len(state.x) - COUNT))
@@ -190,10 +182,10 @@ class Linearised:
         columns[n : 4 * n, places["gyroscope"]] = -np.concatenate(of_rate)
         for term in self.move_terms:
             # most variants belong to one sensor
-            if len(own := places[term.sensor]):
+            if len(index := places[term.sensor]):
                 sensor, design = self.sensors[term.sensor], term.design(designs)
                 change = sensor.effect_jacobian(term.weights, design)
-                columns[term.rows(self.places), own] += change
+                columns[term.rows(self.places), index] += change
         return columns[self.measured.counted]
 
     @cached_property

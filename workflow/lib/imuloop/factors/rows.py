@@ -21,10 +21,11 @@ class RestRows:
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Their derivative with respect to the p parameters of the sensor: T, K, b, and the parameters
-        of its effects.
+        Derivative of the residuals with respect to the p parameters of the sensor: T, K, b, and the
+        parameters of its effects.
     gain : ndarray, shape (n, a, 3)
-        Their derivative with respect to the mean of each channel, nominal SI (before calibration).
+        Derivative of the residuals with respect to the mean of each channel, nominal SI (before
+        calibration).
     """
 
     residual: np.ndarray
@@ -56,15 +57,16 @@ class MoveRows:
     by_turn: np.ndarray
     by_force: np.ndarray | None = None
 
-    def after(self, other, share):
-        """Return MoveRows with the rows R of `other`, followed by the rows S of these less share R.
+    def append_to(self, other, share):
+        """Return MoveRows with the rows R of `other`, followed by ``S - share R``, S these rows.
 
-        The subtraction can make the noise of both independent. `other`, MoveRows, has b components
-        per move and does not depend on the force during the move. `share` has the shape (m, a, b).
+        The subtraction can make the noise of the two parts independent. `other`, MoveRows, has b
+        components per move and does not depend on the force during the move. `share` has the shape
+        (m, a, b).
         """
 
         def stack(name, share):
-            """Return the field with a name, of R and of S less share R, stacked by component."""
+            """Return the field with a name, of R and of ``S - share R``, stacked by component."""
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
@@ -187,18 +189,18 @@ def velocity(linearised, rotation, share=None):
     attitude = np.concatenate([np.tile(np.eye(3), (len(u), 1, 1, 1)), after], axis=1)
     force = (attitude @ linearised.force.values(moves.f, design)[..., None])[..., 0]
     # velocity that each step gains, and v' from the middle of each step to the end
-    gained = midpoints(force) * moves.steps[..., None]
-    to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
+    gain = midpoints(force) * moves.steps[..., None]
+    later_gain = gain[:, ::-1].cumsum(axis=1)[:, ::-1] - gain / 2
     v = (linearised.weights[:, None] @ force).swapaxes(1, 2) - gL * u[..., None]
     rows = MoveRows(
         residual=frame @ v,
-        # `across` is the derivative of the direction of gravity by the force at each rest
+        # `across`: derivative of the direction of gravity with respect to the force at each rest
         by_start=-gL * frame @ linearised.across[moves.first],
         by_end=np.zeros_like(frame),
-        by_turn=-frame[:, None] @ cross_matrix(to_come) @ linearised.attitude_within,
+        by_turn=-frame[:, None] @ cross_matrix(later_gain) @ linearised.attitude_within,
         by_force=frame[:, None] @ attitude,
     )
-    return rows.after(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
+    return rows.append_to(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
 
 
 def midpoints(values):

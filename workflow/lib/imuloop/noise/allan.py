@@ -16,12 +16,13 @@ from imuloop.noise.settings import NoiseSettings
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # exponents of the power spectrum of quantisation, white noise, flicker and walk, and the slopes of
-# the deviation between them; quantisation alone has many degrees of freedom at long times, so that
-# no other noise may be taken for it
+# the deviation between them. The first slope is close to -1, the slope of quantisation: other noise
+# must not be taken for quantisation, which alone has many degrees of freedom at long times
 EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
 # a slope is measured from averaging times that are shorter by this factor to times longer by it
 REACH = 5.0
-# terms that AllanTools sums at a time: its temporaries fit the cache, for half the time
+# terms that AllanTools sums at a time: its temporary arrays then fit into the cache, and the sum
+# takes half the time
 PIECE = 1 << 17
 
 
@@ -93,9 +94,10 @@ def allan(values, rate):
 def allan_curve(stretches, rate, settings):
     r"""Return the overlapping Allan deviation of an axis, with its 95 % interval.
 
-    With ν equivalent degrees of freedom, :math:`\nu s^2/\sigma^2` is a chi-square variable.
+    The estimate :math:`s^2` of the Allan variance :math:`\sigma^2` has ν equivalent degrees of
+    freedom: :math:`\nu s^2/\sigma^2` is a chi-square variable.
 
-    Takes evenly sampled stretches of the output, any unit, and the rate, Hz.
+    Takes evenly sampled stretches of the output, any unit, the rate, Hz, and NoiseSettings.
 
     Returns
     -------
@@ -114,8 +116,8 @@ def allan_curve(stretches, rate, settings):
 def averaging_factors(length, settings):
     """Return averaging factors, numbers of samples m, with tau = m / rate, shape (k,).
 
-    They ascend from 1 in equal steps of the logarithm. `length` is the number of samples of the
-    longest stretch. The array is empty if the stretch is too short.
+    The factors ascend from 1 in equal steps of the logarithm. `length` is the number of samples of
+    the longest stretch. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -125,7 +127,7 @@ def averaging_factors(length, settings):
 
 
 def term_counts(factors, length):
-    """Return the number of overlapping terms in a stretch of `length` samples; 0 if it is below 2.
+    """Return the number of overlapping terms in a stretch of `length` samples, or 0 if below 2.
 
     The averaging factors and the lengths are broadcast against each other.
     """
@@ -139,23 +141,25 @@ def allan_variance(stretches, factors):
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
-    Takes evenly sampled stretches of any unit and averaging factors m, ascending. No term reaches
-    over the end of a stretch. So a gap, a knock or a change of level between two stretches does not
-    matter. The variance is not-a-number where no stretch is long enough.
+    Stretch s has :math:`n_s` samples, :math:`M_s` terms and the Allan variance
+    :math:`\sigma_s^2(m)`. Takes evenly sampled stretches of any unit and averaging factors m,
+    ascending. No term reaches over the end of a stretch. So a gap, a knock or a change of level
+    between two stretches does not matter. The variance is not-a-number where no stretch is long
+    enough.
 
     References
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
-    # the sum behind `oadev`, which copies its data for each call; its import takes longer than most
-    # curves
+    # the sum behind `oadev`, as `oadev` copies the data for each call. Imported here because the
+    # import takes longer than most curves
     from allantools.allantools import calc_adev_phase
 
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
     for values in stretches:
         count, phase = term_counts(factors, len(values)), np.zeros(len(values) + 1)
-        # without the mean, for the digits
+        # sums of values without their mean keep more digits
         np.cumsum(values - np.mean(values), out=phase[1:])
         weight += count
         for k in np.flatnonzero(count).tolist():
@@ -184,7 +188,8 @@ def degrees_of_freedom(variance, factors, lengths):
     from allantools import edf_greenhall, edf_simple
 
     def of_stretch(exponent, m, length):
-        # the simple formula of AllanTools 2024.6 lacks a square there
+        """Return the degrees of freedom of one stretch at one averaging factor m."""
+        # for flicker at m = 1 the simple formula of AllanTools 2024.6 lacks a square
         if (exponent, m) == (-1, 1):
             return edf_greenhall(exponent, 2, m, length + 1, overlapping=True)
         return edf_simple(length + 1, m, exponent)
@@ -193,9 +198,9 @@ def degrees_of_freedom(variance, factors, lengths):
     count, edf = term_counts(factors[:, None], lengths), np.empty(len(factors))
     exponents = noise_exponents(variance, factors)
     for k, (exponent, m) in enumerate(zip(exponents.tolist(), factors.tolist(), strict=True)):
-        seen = count[k] > 0
-        each = np.array([of_stretch(exponent, m, n) for n in lengths[seen].tolist()])
-        edf[k] = (repeats @ count[k]) ** 2 / (repeats[seen] @ (count[k, seen] ** 2 / each))
+        used = count[k] > 0
+        nu = np.array([of_stretch(exponent, m, n) for n in lengths[used].tolist()])
+        edf[k] = (repeats @ count[k]) ** 2 / (repeats[used] @ (count[k, used] ** 2 / nu))
     return edf
 
 
@@ -212,10 +217,14 @@ def noise_exponents(variance, factors):
     low, high = np.maximum(x - np.log(REACH), x[0]), np.minimum(x + np.log(REACH), x[-1])
     slope = (np.interp(high, x, y) - np.interp(low, x, y)) / (high - low)
     exponents = np.take(EXPONENTS, np.digitize(slope, SLOPES))
-    # quantisation falls fastest: at times longer than one where another noise shows, it is hidden
+    # quantisation falls fastest: after an averaging time at which other noise is larger, it is no
+    # longer seen
     return np.where(np.logical_or.accumulate(exponents <= 0), np.minimum(exponents, 0), exponents)
 
 
 def interval(variance, edf):
-    """Return the 95 % interval of a variance by chi-square with `edf` degrees of freedom."""
+    """Return both ends of the 95 % interval of a variance with `edf` degrees of freedom.
+
+    The variance times `edf` over its true value is a chi-square variable.
+    """
     return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))

@@ -25,9 +25,9 @@ MIN_VALUES = 16
 
 @dataclass(frozen=True)
 class AxisEstimate:
-    """Result of `estimate_axis`."""
+    """The estimate of the noise of one axis."""
 
-    # coefficients, tested, with intervals or limits
+    # coefficients of the terms that passed their test, with intervals, and limits of the others
     noise: AxisNoise = field(default_factory=AxisNoise)
     # largest significant misfit of the spectrum over half a decade, a relative standard deviation,
     # by which all intervals are widened; 0 if no misfit is significant
@@ -38,8 +38,9 @@ def estimate_axis(basis, signals, settings):
     """Return the AxisEstimate of one axis, without any term if there are under 16 values.
 
     Lines are found and subtracted (`find_lines`). Then a low-pass filter is chosen, if the spectrum
-    shows one, and the terms in front of it (`Selection`). Where the model does not fit the spectrum
-    (`misfit`), frequencies that hold many values count less, and the terms are chosen once more.
+    shows one, and the noise terms in front of the filter (`Selection`). Where the model does not
+    fit the spectrum (`misfit`), frequencies that hold many values count less, and the terms are
+    chosen once more.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def estimate_axis(basis, signals, settings):
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate()
     lines, selection = find_lines(basis, signals, settings)
-    selection, low_pass, wider = choose_low_pass(selection), None, 1.0
+    selection, low_pass, n_factor = choose_low_pass(selection), None, 1.0
     terms = selection.supported
     if selection.low_pass:
         selection, terms = _weighted(selection, leakage_weights(selection), terms)
@@ -60,8 +61,8 @@ def estimate_axis(basis, signals, settings):
     if size:
         selection, terms = _weighted(selection, weight, terms)
     if selection.low_pass:
-        selection, low_pass, wider = likeliest_corner(selection, terms)
-    noise = coefficients_with_intervals(selection, terms, wider)
+        selection, low_pass, n_factor = likeliest_corner(selection, terms)
+    noise = coefficients_with_intervals(selection, terms, n_factor)
     sinusoid = tuple(
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
         for line in lines
@@ -70,10 +71,11 @@ def estimate_axis(basis, signals, settings):
 
 
 def _weighted(selection, weight, terms):
-    """Return a Selection whose rows have less weight, and its terms.
+    """Return a Selection whose rows have less weight, and the terms that it supports.
 
-    `weight`, shape (r,), multiplies the weights of the rows. The terms are selected again. But they
-    stay if white noise, by which a filter is known, would no longer be among them.
+    `weight`, shape (r,), multiplies the weights of the rows. The terms are selected again. But if
+    there is a filter and white noise, which shows the filter, would no longer be among the terms,
+    the old `terms` stay.
     """
     selection = selection.weighted(weight)
     kept = selection.low_pass and "N" not in selection.supported
@@ -84,8 +86,9 @@ def find_lines(basis, signals, settings):
     """Return the Lines of an axis, and the Selection of the signals without them.
 
     Lines are found and subtracted one by one, each against the noise that is fitted to the signals
-    without the lines before. A line that wanders leaves others nearby. They are subtracted too, but
-    not returned. `estimate_axis` describes the arguments.
+    without the lines before. A line that wanders leaves other lines nearby, which are subtracted,
+    too, but not returned. Takes the Modes of the signals, a Signal of the axis for each power
+    cycle, SI, and NoiseSettings.
     """
     lines, digits = [], (DIGITS * max(abs(signal.values).max() for signal in signals)) ** 2
     while True:
@@ -105,9 +108,9 @@ def find_lines(basis, signals, settings):
 def _strongest_line(signals, selection):
     """Return the most significant Line of Signals, or None.
 
-    The fit of the terms may take a line of a few periods for noise. So the highest peak over its
-    neighbours, by a flat spectrum, is left out of the fit. It is a line if it then stands out from
-    the spectrum of the terms.
+    The fit of the terms may take a line of a few periods for noise. So if no line stands out from
+    the spectrum of the terms, the terms are fitted again without the rows near the highest peak
+    over a flat spectrum. The peak is a line if it stands out from the spectrum of this fit.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)

@@ -14,34 +14,43 @@ GRID = np.linspace(0, 0.5, 4097)
 
 
 def _butterworth(order, frequency, corner):
-    """Return the power gain of a digital Butterworth filter (bilinear transform)."""
+    """Return the power gain, (k,), of a digital Butterworth filter (bilinear transform).
+
+    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate.
+    """
     ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
     return 1 / (1 + ratio ** (2 * order))
 
 
 def _moving_average(frequency, corner):
-    """Return the power gain of an exponential moving average.
+    """Return the power gain, (k,), of an exponential moving average.
 
-    It is the sum of all aliases of a sampled analogue filter of first order.
+    `frequency`, (k,), and `corner` of the analogue filter are shares of the rate. The gain is the
+    sum of all aliases of a sampled analogue filter of first order.
     """
     phi = np.exp(-2 * np.pi * corner)
     return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
 
 
 def _second_order_sampled(frequency, corner):
-    """Return the power gain of a sampled analogue Butterworth filter of order two, with aliases."""
+    """Return the power gain, (k,), of a sampled analogue Butterworth filter of order two.
+
+    The gain includes all aliases, over the gain at zero. `frequency`, (k,), and `corner` of the
+    analogue filter are shares of the rate.
+    """
     shares = (np.append(0.0, frequency)[:, None] + np.arange(-20, 21)) / corner
     power = (1 / (1 + shares**4)).sum(axis=1)
     return power[1:] / power[0]
 
 
 def _spline(degree, frequency, corner):
-    """Return the power gain of values that were held, averaged or interpolated.
+    """Return the power gain, (k,), of values that were held, averaged or interpolated.
 
-    White noise of a sensor that is resampled in such a way has an autocorrelation that is a
-    B-spline of the lag, in intervals of the sensor or of the average. Its degree is 1 for values
-    that are held or averaged, 3 for values that are interpolated, and 5 for values that are
-    averaged three times. The power gain is the Fourier transform of the autocorrelation.
+    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate. White
+    noise of a sensor that is resampled in such a way has an autocorrelation that is a B-spline of
+    the lag, in intervals of the sensor or of the average. The `degree` is 1 for values that are
+    held or averaged, 3 for values that are interpolated, and 5 for values that are averaged three
+    times. The power gain is the Fourier transform of the autocorrelation.
     """
     spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
     covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
@@ -96,9 +105,11 @@ def density(noise, f, rate):
         S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
         + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
-    If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
-    density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
-    and adds nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
+    Q, N, B and K are the coefficients of quantisation, white noise, flicker and random walk. A
+    Gauss-Markov process has the coefficient q and the correlation time T; several processes add. If
+    there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no density:
+    each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic and adds
+    nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
 
     References
     ----------

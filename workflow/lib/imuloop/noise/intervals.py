@@ -11,27 +11,28 @@ from imuloop.noise.selection import ORDER, correlation_times, plus, variances, w
 
 # ends of an interval of 95 %, and limits of 95 % to one and to either side, in standard errors
 LOW, HIGH, LIMIT, EITHER = -1.959964, 1.959964, 1.644854, 1.959964
-# share to which an end of an interval is known
+# relative error of an end of an interval
 CLOSE = 1e-5
-# steps of the logarithm of a coefficient in which an end is searched for
+# steps of the logarithm of a coefficient by which the search for an end moves on
 STEPS = 0.1 * 4.0 ** np.arange(5)
-# shift of the logarithm of a correlation time by which a derivative is taken
+# shift of the logarithm of a correlation time for a difference quotient
 SHIFT = 1e-3
-# least coefficient at which a profile begins: share of the amplitude spectrum where it is lowest
+# least coefficient at which a profile begins, as a share of the largest that the spectrum allows
 SMALL = 1e-3
 
 
-def coefficients_with_intervals(selection, terms, wider=1.0):
+def coefficients_with_intervals(selection, terms, n_factor=1.0):
     """Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are estimated with the supported terms alone, so that together they describe the
-    spectrum. Another term may be too weak to pass its test, or may be true in place of a supported
-    one. So intervals and limits come from a wider model, which also holds white noise, flicker,
-    walk and ramp. For Q, N, B, K and R they are ends of the profile likelihood. For Gauss-Markov
-    processes they follow from the information matrix.
+    spectrum. Another term may be too weak to pass its test, or may be the true one in place of a
+    supported term. So intervals and limits come from a wider model, which also has those of white
+    noise, flicker, walk and ramp that the record can tell apart. Intervals and limits of Q, N, B, K
+    and R are ends of the profile likelihood. Intervals of Gauss-Markov processes follow from the
+    information matrix.
 
-    If there is a filter, N depends on its corner: the interval of N is `wider` times as long on a
-    logarithmic scale.
+    If there is a filter, the error of its corner widens the interval of N: on a logarithmic scale
+    this interval is `n_factor` times as long.
     """
     wide = reduce(plus, [name for name in selection.candidates if name != "Q"], terms)
     fit, coefficients = selection.fit(terms), {}
@@ -41,15 +42,15 @@ def coefficients_with_intervals(selection, terms, wider=1.0):
         if name not in terms:
             # the sign of a ramp is not known
             limit = _crossing(deviate, start, EITHER if name == "R" else LIMIT)
-            coefficients[name] = Coefficient(None, None, limit, False)
+            coefficients[name] = Coefficient(upper95=limit)
             continue
         value = float(abs(fit.ramp) if name == "R" else np.sqrt(theta[name]))
         start = log(value) if value else start
         low, high, upper = (_crossing(deviate, start, wanted) for wanted in (LOW, HIGH, LIMIT))
         if name == "N" and value:
-            low, high, upper = (value * (end / value) ** wider for end in (low, high, upper))
+            low, high, upper = (value * (end / value) ** n_factor for end in (low, high, upper))
         ends = min(low, value), max(high, value)
-        coefficients[name] = Coefficient(value, ends, max(upper, value), True)
+        coefficients[name] = Coefficient(value, ends, upper95=max(upper, value), identifiable=True)
     processes = [_process(selection, terms, wide, tc) for tc in correlation_times(terms)]
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
@@ -57,25 +58,28 @@ def coefficients_with_intervals(selection, terms, wider=1.0):
 def _profile(selection, model, name):
     """Return the profile likelihood of a coefficient in a model that holds it.
 
-    Returns a function and where to begin on its scale: at the likeliest coefficient, or at its
-    standard error if that is larger. The function takes the logarithm of the coefficient in SI. It
-    returns the root of twice the log-likelihood lost against the maximum: standard errors above
-    the likeliest coefficient, negative below it.
+    Returns a function, and the argument of this function at which a search may begin: the logarithm
+    of the likeliest coefficient, or of its standard error if that is larger. The function takes the
+    logarithm of the coefficient in SI. It returns the root of twice the log-likelihood that is lost
+    against the maximum: by how many standard errors the coefficient is above the likeliest one,
+    negative below it.
     """
-    rest, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
-    units, expected = selection.units(rest), selection.units(model) @ fit.theta
+    others, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
+    units, expected = selection.units(others), selection.units(model) @ fit.theta
     if name == "R":
         unit, start, top = 0.0, fit.theta, likelihood.fit(units, fit.ramp).value
         best, error = abs(fit.ramp), 1 / sqrt(likelihood.ramp(expected)[1])
     else:
-        unit, place, top = selection.unit(name), variances(model).index(name), fit.restricted
-        best = max(sqrt(fit.theta[place]), SMALL * sqrt(np.min(expected / unit)))
-        start = np.delete(fit.theta, place)
+        unit, index, top = selection.unit(name), variances(model).index(name), fit.restricted
+        best = max(sqrt(fit.theta[index]), SMALL * sqrt(np.min(expected / unit)))
+        start = np.delete(fit.theta, index)
         error = likelihood.covariance(unit[:, None], expected)[0, 0] ** 0.25
 
     @cache
     def deviate(u):
-        x, free = exp(u), None if "R" in rest else 0.0
+        """Return the signed root of the loss at the logarithm u of the coefficient."""
+        # a ramp among the other terms is fitted; None stands for that
+        x, free = exp(u), None if "R" in others else 0.0
         ramp = copysign(x, fit.ramp) if name == "R" else free
         value = likelihood.fit(units, ramp, x**2 * unit, start).restricted
         return copysign(sqrt(2 * max(top - value, 0.0)), x - best)
@@ -86,7 +90,9 @@ def _profile(selection, model, name):
 def _crossing(deviate, u, wanted):
     """Return the coefficient, SI, at which a profile has a wanted value, or 0.
 
-    Takes the two results of `_profile`. The result is 0 if the profile never has that value.
+    Takes `deviate`, the profile as a function of the logarithm of the coefficient, and the
+    logarithm u at which the search begins. The result is 0 if the profile does not have the wanted
+    value within the search.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:
@@ -98,7 +104,10 @@ def _crossing(deviate, u, wanted):
 
 
 def _process(selection, terms, wide, tc):
-    """Return the GaussMarkovTerm of a correlation time, s, with intervals in a wider model."""
+    """Return the GaussMarkovTerm of the correlation time `tc`, s, one of the supported `terms`.
+
+    The intervals come from the information matrix of the wider model `wide`.
+    """
     fit = selection.fit(terms)
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times
     unit = variance * selection.unit(tc)
@@ -109,5 +118,5 @@ def _process(selection, terms, wide, tc):
     q, q_error, tc_error = sqrt(2 * variance / tc), sqrt(errors[0, 0]), sqrt(errors[1, 1])
     ends = tc * np.exp(tc_error * np.array([LOW, HIGH, LIMIT]))
     low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
-    time = Coefficient(tc, (low, high), upper, True)
+    time = Coefficient(tc, (low, high), upper95=upper, identifiable=True)
     return GaussMarkovTerm(Coefficient.of(q, q * q_error), time)

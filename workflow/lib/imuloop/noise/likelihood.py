@@ -26,16 +26,16 @@ def weighted_nnls(units, target, weight):
 
 
 def _normalised(columns):
-    """Return columns, (r, p), over their norms, and the norms, (p,); 1 for a column of zeros."""
+    """Return columns, (r, p), over their norms, and the norms, (p,), with 1 for a zero column."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     return columns / size, size
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return where a function of a positive number is largest between two ends.
+    """Return the number from `low` to `high`, both positive, at which a function is largest.
 
-    The result is right within the relative error `close`.
+    The result has at most the relative error `close`.
     """
     ends = np.log([low, high])
     return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))
@@ -43,10 +43,10 @@ def likeliest(log_likelihood, low, high, close=1e-5):
 
 @dataclass(frozen=True)
 class MaximumLikelihood:
-    """Most likely variances."""
+    """The most likely variances of the terms, and the log-likelihood there."""
 
-    theta: np.ndarray  # factors of the unit spectra, (p,), none negative
-    ramp: float  # SI/s; 0 where it was not fitted
+    theta: np.ndarray  # variances, the factors of the unit spectra, (p,), none negative
+    ramp: float  # SI/s; 0 if no ramp was fitted
     value: float  # log-likelihood, without its constant
     restricted: float  # the restricted log-likelihood where a ramp was fitted, else `value`
 
@@ -57,9 +57,10 @@ class Likelihood:
 
     .. math:: \ell = -\frac12 \sum_r w_r n_r (\ln s_r + p_r/s_r), \quad s = U \theta
 
-    p are the mean squares of n values, and s those expected for the unit spectra U and the
-    variances :math:`\theta`. In the slow modes, :math:`p = (c - R \rho)^2` for amplitudes c and a
-    ramp R. The weights w are 1 unless the model does not fit the spectrum (`noise.misfit`).
+    In row r, :math:`p_r` is the mean square of :math:`n_r` values, and :math:`s_r` the mean square
+    that is expected for the unit spectra U and the variances :math:`\theta`. In the slow modes,
+    :math:`p = (c - R \rho)^2` for amplitudes c and a ramp R. The weights w are 1 unless the model
+    does not fit the spectrum (`noise.misfit`).
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class Likelihood:
     fast : ndarray, shape (r - s,)
         Mean squares of the fast modes, SI^2.
     count : ndarray, shape (r,)
-        w n: number of values behind each row times its weight.
+        w n: the number of values in each row, times the weight of the row.
     digits : float
         Mean square that the rounding of the output may leave, SI^2.
 
@@ -90,24 +91,25 @@ class Likelihood:
     def fit(self, units, ramp=0.0, fixed=0.0, start=None):
         r"""Return the MaximumLikelihood of unit spectra.
 
-        By Fisher's scoring. Each step is a non-negative least squares, shortened until the
-        likelihood grows. A fitted ramp takes power from the modes that hold it. The restricted
+        The method is Fisher's scoring. Each step is a non-negative least squares, shortened until
+        the likelihood grows. A fitted ramp takes power from the slow modes. The restricted
         likelihood allows for that,
 
         .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
             \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k
 
-        It is maximised if a ramp is fitted, and compares two models with a ramp. The plain one
-        compares a model with a ramp and one without.
+        The restricted likelihood is maximised if a ramp is fitted, and two models with a ramp are
+        compared by it. A model with a ramp and one without are compared by the plain likelihood
+        :math:`\ell`.
 
         Parameters
         ----------
         units : ndarray, shape (r, p)
             Expected mean squares for unit variances.
         ramp : float or None
-            Ramp that is held, SI/s; None to fit it.
+            Fixed ramp, SI/s; None to fit the ramp.
         fixed : ndarray, shape (r,), or float
-            Part of the spectrum that is held, SI^2.
+            Fixed part of the expected mean squares, SI^2.
         start : ndarray, shape (p,), optional
             Variances near the maximum, from which to begin.
 
@@ -116,14 +118,16 @@ class Likelihood:
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope, power = ramp, self.power(ramp or 0.0)
-        # mean weight of the modes that hold a ramp
+        # mean weight of the slow modes, by their share of a ramp
         weight = self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
+            """Return the expected mean squares, (r,), for variances, (p,)."""
             return np.maximum(units @ theta + fixed, floor)
 
         def values(expected):
+            """Return the plain and the restricted log-likelihood for expected squares, (r,)."""
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
             lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
             return float(value), float(value - lost)
@@ -137,13 +141,15 @@ class Likelihood:
         for _ in range(ROUNDS):
             taken = 0.0
             if ramp is None:
+                # `taken` is the power that the fitted ramp takes from the slow modes
                 slope, information = self.ramp(expected)
                 power = self.power(slope)
                 taken = np.zeros(len(power))
                 taken[: len(self.rho)] = weight / information * self.rho**2
             value, restricted = values(expected)
             before, growth, last = growth, restricted - last, restricted
-            # near the maximum, the likelihood grows by a fixed share of the growth before
+            # near the maximum each round gains a fixed share of the gain of the round before: the
+            # sum of all later gains is small enough
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
@@ -156,16 +162,17 @@ class Likelihood:
         return MaximumLikelihood(theta, float(slope), value, restricted)
 
     def covariance(self, derivatives, expected):
-        """Return the covariance of parameters for a spectrum, (p, p), by the information matrix.
+        """Return the covariance of p parameters, (p, p), by the information matrix.
 
-        Takes the derivatives of the spectrum by the parameters, (r, p), and the spectrum, (r,).
+        Takes the derivatives of the expected mean squares by the parameters, (r, p), and the
+        expected mean squares, (r,).
         """
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
         rows, size = _normalised(rows / self.above_rounding(expected)[:, None])
         return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
     def ramp(self, expected):
-        """Return the likeliest ramp, SI/s, for a spectrum, (r,), and its information, 1/(SI/s)^2.
+        """Return the likeliest ramp, SI/s, for expected squares, (r,), and its information, s²/SI².
 
         The information is the inverse of the variance of the ramp.
         """

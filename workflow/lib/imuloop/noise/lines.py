@@ -18,7 +18,7 @@ WANDER, CLOCK = 1e-3, 2e-4
 
 @dataclass(frozen=True)
 class Line:
-    """Line of one axis.
+    """A line in the spectrum of one axis.
 
     `frequency`, Hz, and `amplitude`, SI of the axis, are those in the signal where the line stands
     out most. The amplitude is too low if the line wanders. `sinusoids` holds the FittedSinusoid of
@@ -31,17 +31,17 @@ class Line:
 
     def subtract(self, signals):
         """Return the Signals without the line; those that do not show it are returned unchanged."""
-        found = self.sinusoids
-        return [found[i].subtract(s) if i in found else s for i, s in enumerate(signals)]
+        fits = self.sinusoids
+        return [fits[i].subtract(s) if i in fits else s for i, s in enumerate(signals)]
 
 
 def find_line(signals, spectrum, level):
     """Return the most significant Line; None if noise explains it.
 
     A line is the highest peak of a `Periodogram` over its background, if the chance of such a peak
-    in noise is below the level. Each signal is tested alone and the numbers of independent
-    frequencies add. Powers of two sessions do not add: their clocks differ by more than the width
-    of a line.
+    in noise is below the level. Each signal is tested alone, but the chance is that of such a peak
+    at any independent frequency of any signal. Powers of two sessions do not add: their clocks
+    differ by more than the width of a line.
 
     Parameters
     ----------
@@ -70,6 +70,8 @@ def find_line(signals, spectrum, level):
     sinusoids, frequency = {best: strongest}, strongest.frequency
     for i in periodograms.keys() - {best}:
         span = signals[i].span
+        # how far the frequency of the same line may be: widths of the peaks, and error of the
+        # clocks
         reach = 1 / signals[best].span + 1 / span + SAME_CLOCK * frequency
         if frequency * span >= SHORTEST:
             _, peak = periodograms[i].highest(frequency - reach, frequency + reach)
@@ -87,11 +89,12 @@ def find_line(signals, spectrum, level):
 def strongest_peak(signals, spectrum, level):
     """Return the highest peak over the background, if its chance in noise is below the level.
 
-    Returns its frequency in Hz, or None; the index of its signal; and the Periodograms by index of
-    the signal. Signals that are too short are left out. `find_line` describes the arguments.
+    Returns the frequency of the peak in Hz, or None; the index of the signal with the peak; and the
+    Periodograms by index of the signal. Signals that are too short are left out. Takes Signals of
+    an axis; the density of the noise, SI^2/Hz, a function of frequency in Hz; and the level.
     """
-    every = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
-    periodograms = {i: periodogram for i, periodogram in every.items() if periodogram}
+    all_signals = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
+    periodograms = {i: periodogram for i, periodogram in all_signals.items() if periodogram}
     if not periodograms:
         return None, None, {}
     height, frequency, best = max((*p.highest(), i) for i, p in periodograms.items())
@@ -102,21 +105,21 @@ def strongest_peak(signals, spectrum, level):
 
 
 def _chance_anywhere(periodograms, chance):
-    """Return the chance of a peak anywhere in Periodograms from its chance at one frequency."""
+    """Return the chance of a peak anywhere in Periodograms, from the `chance` at one frequency."""
     return chance_over_band(chance, sum(p.independent for p in periodograms.values()))
 
 
 def mains(frequency, rate):
     """Return the name of the mains harmonic at a frequency, Hz, or None if mains do not fit.
 
-    E.g. ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The name is
-    the lowest harmonic that fits, of both mains where both fit. The harmonic h of :math:`f_0`
-    appears at :math:`|h f_0 - k r|`, where k is a whole number and r the rate. The window to either
-    side is 1.2 per mille of :math:`h f_0`: 1 per mille for the wander of mains, and 200 ppm for the
-    clock behind the time stamps, whose error scales all logged frequencies. Nothing is named within
-    a window of zero, where any slow line would be, nor where the window is wider than 0.8 % of the
-    band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 % at
-    1 kHz, and below 10 % at any rate.
+    An example is ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The
+    name is the lowest harmonic that fits, of both mains where both fit. The harmonic h of
+    :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a whole number and r the rate. The
+    window to either side is 1.2 per mille of :math:`h f_0`: 1 per mille for the wander of mains,
+    and 200 ppm for the clock behind the time stamps, whose error scales all logged frequencies.
+    Nothing is named within a window of zero, where any slow line would be, nor where the window is
+    wider than 0.8 % of the band. The chance that a line lies in a window by accident is 3 % at 100
+    and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

@@ -30,18 +30,20 @@ def choose_low_pass(selection):
     Gauss-Markov process, nor the process for a filter. A filter has two parameters, or three with a
     floor, a process has two, and another term one.
     """
-    whole, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
-    level = replace(selection, likelihood=replace(whole, slow=whole.slow - ramp * whole.rho))
-    plain = level.fit(NAMES)
-    start = np.append(plain.theta, 0.0)
+    modes, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
+    level = replace(selection, likelihood=replace(modes, slow=modes.slow - ramp * modes.rho))
+    unfiltered = level.fit(NAMES)
+    start = np.append(unfiltered.theta, 0.0)
     values = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
-    if max(map(max, values.values())) - plain.value < 2 * PRICE:
+    # a filter has at least two parameters, and each has to gain `PRICE`
+    if max(map(max, values.values())) - unfiltered.value < 2 * PRICE:
         return selection
     fits = [_fit_corner(level, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     filtered = replace(selection, low_pass=low_pass)
-    return filtered if _score(filtered) > _score(selection) and _is_seen(filtered) else selection
+    better = _score(filtered) > _score(selection) and _filters_white(filtered)
+    return filtered if better else selection
 
 
 def _fit(selection, kind, corner, start=None):
@@ -59,7 +61,7 @@ def _fit(selection, kind, corner, start=None):
 
 
 def _fit_corner(selection, kind, near):
-    """Return log-likelihood and LowPass, like `_fit`, at the likeliest corner around `near`."""
+    """Return log-likelihood and LowPass of a filter at the likeliest corner around `near`."""
     step = CORNERS[1] / CORNERS[0]
     ends = near / step, min(near * step, HIGHEST)
     corner = likeliest(lambda corner: _fit(selection, kind, corner)[0], *ends, close=3e-4)
@@ -67,7 +69,7 @@ def _fit_corner(selection, kind, near):
 
 
 def _score(selection):
-    """Return the log-likelihood of terms and filter less the price of their parameters."""
+    """Return the log-likelihood of terms and filter minus the price of all their parameters."""
     terms, low_pass = selection.supported, selection.low_pass
     parameters = len(terms) + len(correlation_times(terms))
     if low_pass:
@@ -75,8 +77,8 @@ def _score(selection):
     return selection.fit(terms).value - PRICE * parameters
 
 
-def _is_seen(filtered):
-    """Return whether white noise is most of the power in front of a filter, at its corner."""
+def _filters_white(filtered):
+    """Return whether white noise is most of the power in front of a filter at the corner."""
     noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
     slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
     return corner >= CORNERS[0] and density(slow, corner * rate, rate) < 2 * noise.N.square
@@ -96,12 +98,13 @@ def leakage_weights(filtered):
 def likeliest_corner(filtered, terms):
     """Return a Selection behind a filter at its likeliest corner, its LowPassTerm, and a factor.
 
-    Takes a Selection behind the filter, and the supported terms. Standard errors are by the
-    information matrix. The factor is the standard error of N, as a multiple of its standard error
-    at a known corner.
+    Takes a Selection behind the filter, and the supported terms. Standard errors come from the
+    information matrix. The factor is the standard error of N, as a multiple of the standard error
+    that N would have at a known corner.
     """
 
     def behind(corner):
+        """Return the Selection behind the filter with another corner, a share of the rate."""
         return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
 
     near = filtered.low_pass.corner
@@ -110,9 +113,9 @@ def likeliest_corner(filtered, terms):
     best = behind(corner)
     units, theta = best.units(terms), best.fit(terms).theta
     change = (units - behind(corner * np.exp(-SHIFT)).units(terms)) @ theta / SHIFT
-    known = best.likelihood.covariance(units, units @ theta)
-    free = best.likelihood.covariance(np.column_stack([units, change]), units @ theta)
+    known_corner = best.likelihood.covariance(units, units @ theta)
+    any_corner = best.likelihood.covariance(np.column_stack([units, change]), units @ theta)
     hertz, n = corner / best.modes.dt, terms.index("N")
-    coefficient = Coefficient.of(hertz, hertz * sqrt(free[-1, -1]))
+    coefficient = Coefficient.of(hertz, hertz * sqrt(any_corner[-1, -1]))
     term = LowPassTerm(best.low_pass.kind, coefficient, best.low_pass.floor)
-    return best, term, sqrt(free[n, n] / known[n, n])
+    return best, term, sqrt(any_corner[n, n] / known_corner[n, n])

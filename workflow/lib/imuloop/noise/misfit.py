@@ -13,11 +13,11 @@ TOGETHER = GROUPS // 2
 def misfit(selection, terms):
     r"""Return the largest relative misfit of a spectrum, and weights of its rows that follow.
 
-    The power over the expected power, r, of n values is a chi-square variable over n: its logarithm
-    has the mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each
-    group of rows, over half a decade to each side, the mean square of the logarithm without its
-    mean exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it counts as
-    one error that is common to half a decade.
+    The power over the expected power, r, of n values is a chi-square variable over n: ln r has the
+    mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each group of
+    rows, over half a decade to each side, the mean square of the logarithm minus its expected value
+    exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it counts as one
+    error that is common to half a decade.
 
     Takes a Selection and its supported terms.
 
@@ -33,7 +33,7 @@ def misfit(selection, terms):
     ratio = likelihood.above_rounding(likelihood.power(fit.ramp)) / expected
     group = _groups(selection.modes.frequency, selection.modes.count)
     n = np.bincount(group, likelihood.count)
-    # leakage behind a filter has next to no weight
+    # groups of leakage behind a filter have next to no weight
     used = n > 1
     half = np.where(used, n, 2.0) / 2
     r = np.maximum(np.bincount(group, likelihood.count * ratio) / (2 * half), 1e-12)
@@ -44,6 +44,7 @@ def misfit(selection, terms):
         return 0.0, np.ones(len(group))
 
     def around(values):
+        """Return the sums over half a decade to each side of each group, without unused groups."""
         return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
     near = np.maximum(around(1.0), 1)

@@ -10,27 +10,29 @@ from scipy.linalg import block_diag
 
 from imuloop.noise.processes import NAMES, covariances
 
-# blocks of a record, and of a piece, less than that; more would cost the cube, fewer would mix slow
-# and fast noise
+# about the number of blocks of a record, and one more than the largest number in a piece: more
+# blocks would take time with their cube, fewer would mix slow and fast noise
 BLOCKS, LARGEST = 512, 577
 # samples of a block whose length is rounded up to one that is fast to transform
 LONG = 4096
 # share of the samples that whole blocks have to hold
 HELD = 0.9
-# bins of the fast modes a decade, and correlation times between which spectra are interpolated
+# bins of the fast modes per decade, and correlation times per decade between which expected squares
+# are interpolated
 BINS, TIMES = 24, 8
 
 
 def expected_squares(covariance):
-    r"""Return the expected squares of a cosine transform, for any covariance, shape (..., n - 1).
+    r"""Return the expected squares of a cosine transform, (..., n - 1), for any covariance.
 
     .. math:: E c_k^2 = \frac{1}{n} \left[ \sum_{|d|<n} \gamma_d (n - |d|) \cos \omega d
         - \frac{2}{\sin \omega} \sum_{d \ge 0} \gamma_d \sin \omega d \right],
         \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
-    for the orthonormal DCT-II of n values whose covariance is Toeplitz, at lags 0 ... n - 1 in
-    `covariance`, shape (..., n); by one Fourier transform. It may be a generalised one, since the
-    modes k > 0 are contrasts.
+    :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. The covariance of two
+    values that lie d apart is :math:`\gamma_d`; `covariance`, (..., n), has it at all lags d from 0
+    on. It may be a generalised covariance, which holds for contrasts only, since all coefficients
+    with k > 0 are contrasts.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -43,10 +45,10 @@ def expected_squares(covariance):
 def _contrasts(start, m):
     """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
 
-    Takes the first sample of each block of m samples, (k,). In the contrasts a walk is diagonal.
-    If no gap lies between the blocks, they are the cosine transform, and the distances are those
-    from the first block, (k,). Otherwise the distances are those between all blocks, (k, k). They
-    are in samples.
+    Takes the first sample of each block of m samples, (k,). The contrasts of a walk are
+    uncorrelated. If no gap lies between the blocks, the contrasts are the cosine transform, and the
+    distances are those from the first block, (k,). Otherwise the distances are those between all
+    blocks, (k, k). Distances are in samples.
     """
     n = len(start)
     if (np.diff(start) == m).all():
@@ -78,7 +80,7 @@ class _Piece:
     cycle: int
     place: np.ndarray  # index of the first value of each block in its Signal, (k,)
     start: np.ndarray  # first sample of each block, (k,)
-    levels: list  # distances and contrasts of each level
+    levels: list  # for each level the distances of the blocks, and the contrasts of their means
 
     @cached_property
     def basis(self):
@@ -92,9 +94,10 @@ class Modes:
 
     The fast modes are orthonormal cosine coefficients 1 ... m-1 of each block. The slow modes are
     contrasts of the means of the blocks, in a basis that diagonalises the walk. White noise is
-    diagonal in any orthonormal basis. In an unbroken record that basis is the cosine transform.
-    Contrasts do not depend on the level of each power cycle and of each stretch between two
-    disturbances. Gaps keep their place in time, but gaps of a few samples are closed up.
+    diagonal in any orthonormal basis. In an unbroken record the basis that diagonalises the walk is
+    the cosine transform. Contrasts do not depend on the level of each power cycle and of each
+    stretch between two disturbances. Gaps keep their place in time, but gaps of a few samples are
+    closed up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
     of each mode is exact for every process.
@@ -105,7 +108,7 @@ class Modes:
         Interval of the samples, s.
     m : int
         Samples of a block.
-    span, level, usual : float
+    span, longest_level, usual_level : float
         Longest power cycle, s; longest time without a new level; and the time without a new level
         that half of the samples exceed.
     frequency, count : ndarray, shape (r,)
@@ -125,8 +128,8 @@ class Modes:
     dt: float
     m: int
     span: float
-    level: float
-    usual: float
+    longest_level: float
+    usual_level: float
     frequency: np.ndarray
     count: np.ndarray
     units: np.ndarray
@@ -142,7 +145,7 @@ class Modes:
         """Return the slow modes' amplitudes, (s,), and the fast ones' mean squares, (r - s,), SI.
 
         Takes the Signals of an axis. The straight line that the slow modes of a piece show is
-        subtracted from its fast modes.
+        subtracted from the fast modes of this piece.
         """
         slow, squares, number = [], np.zeros(self.m - 1), 0
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
@@ -155,7 +158,7 @@ class Modes:
             slope = ramp @ amplitudes / (ramp @ ramp) if len(ramp) > 1 else 0.0
             for block, mean in zip(blocks, means, strict=True):
                 squares += (dct(block - mean, norm="ortho")[1:] - slope * line) ** 2
-        return np.concatenate(slow), _binned(squares / number, self._bins)
+        return np.concatenate(slow), _bin_means(squares / number, self._bins)
 
     def unit(self, term):
         """Return the expected mean squares for a unit term, shape (r,), SI.
@@ -171,7 +174,7 @@ class Modes:
         """Return the factor by which a LowPass changes white noise in each row, shape (r,)."""
         if low_pass not in self._gains:
             slow = low_pass.gain(self.frequency[: len(self.ramp)] * self.dt)
-            fast = _binned(expected_squares(low_pass.autocovariance(self.m)), self._bins)
+            fast = _bin_means(expected_squares(low_pass.autocovariance(self.m)), self._bins)
             self._gains[low_pass] = np.append(slow, fast)
         return self._gains[low_pass]
 
@@ -179,12 +182,12 @@ class Modes:
 def modes(signals):
     """Return the Modes of Signals, with or without values, one for each power cycle.
 
-    They have one rate, and at least one of them has two samples or more.
+    The signals have one rate, and at least one of them has two samples or more.
     """
     closed = [signal.closed_up() for signal in signals]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
     m = _block_length(np.concatenate([signal.lengths for signal in closed]))
-    # blocks of one sample where each level has only one block, as in bursts of two samples
+    # if no level has two blocks, as in bursts of two samples, a block is one sample
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
     span = max(s.span for s in closed)
     low, high = np.log10([dt, max(span, 8 * dt)])
@@ -198,7 +201,7 @@ def modes(signals):
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
     samples = [*covariances(np.arange(m), 1, dt, correlation_times)]
-    squares = np.concatenate([*slow, _binned(expected_squares(samples), bins)], axis=1)
+    squares = np.concatenate([*slow, _bin_means(expected_squares(samples), bins)], axis=1)
     ramp = np.concatenate([piece.basis.T @ (piece.start * dt) for piece in pieces])
     # frequency at which the expected square of a walk is as large: exact for an unbroken record
     frequency = 1 / (2 * np.pi * np.sqrt(squares[3, : len(ramp)] * m * dt))
@@ -208,9 +211,9 @@ def modes(signals):
         dt=dt,
         m=m,
         span=span,
-        level=times.max(),
-        usual=float(times[np.searchsorted(np.cumsum(times), times.sum() / 2)]),
-        frequency=np.concatenate([frequency, _binned(k / (2 * m * dt), bins)]),
+        longest_level=times.max(),
+        usual_level=float(times[np.searchsorted(np.cumsum(times), times.sum() / 2)]),
+        frequency=np.concatenate([frequency, _bin_means(k / (2 * m * dt), bins)]),
         count=np.concatenate([np.ones(len(ramp)), count]),
         units=squares[:4].T,
         correlation_times=correlation_times,
@@ -221,7 +224,7 @@ def modes(signals):
     )
 
 
-def _binned(values, first):
+def _bin_means(values, first):
     """Return the mean over each bin of the last axis; `first` is the first index of each bin."""
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
@@ -249,7 +252,10 @@ def _block_length(lengths):
 
 
 def _pieces(signals, m):
-    """Return the pieces of all power cycles that hold a contrast, for blocks of m samples."""
+    """Return the pieces of all power cycles, a list of _Piece, for blocks of m samples.
+
+    A piece in which no level has two blocks has no contrast, and is left out.
+    """
     pieces = []
     for cycle, signal in enumerate(signals):
         ends = np.cumsum(signal.lengths)
@@ -258,9 +264,9 @@ def _pieces(signals, m):
         start = signal.samples[place]
         level = np.repeat(signal.levels, signal.lengths)[place]
         for part in np.array_split(np.arange(len(start)), len(start) // LARGEST + 1):
-            # levels follow each other, so that a contrast of one is free of a walk in another
+            # each level has its own contrasts, which do not depend on a walk in other levels
             ends = np.flatnonzero(np.diff(level[part])) + 1
             if len(part) > len(ends) + 1:
-                levels = [_contrasts(each, m) for each in np.split(start[part], ends)]
+                levels = [_contrasts(starts, m) for starts in np.split(start[part], ends)]
                 pieces.append(_Piece(cycle, place[part], start[part], levels))
     return pieces

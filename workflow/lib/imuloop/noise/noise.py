@@ -44,9 +44,9 @@ class NoiseResult:
 def estimate_noise(device, sessions, settings, views=True):
     """Return the NoiseResult of a device.
 
-    There is one estimate from all clean stretches of all static sessions or, where none of these
-    holds a rest, from the rests of all other sessions. No term is identifiable where there is
-    nothing to fit.
+    There is one estimate from all clean stretches of all static sessions or, if no static session
+    holds a rest, from the rests of all other sessions. If there is nothing to fit, no term is
+    identifiable.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def estimate_noise(device, sessions, settings, views=True):
         All sessions of the device.
     settings : NoiseSettings
     views : bool
-        Whether spectra are wanted too.
+        Whether the result has spectra, too.
     """
     notes, estimates, rates, statistics, longest = [], {}, {}, {}, 0.0
     spectra = {session.name: [no_spectrum()] for session in sessions}
@@ -77,19 +77,19 @@ def estimate_noise(device, sessions, settings, views=True):
                 del x
     if not estimates:
         notes.append("no session holds a rest: no coefficient can be estimated")
-    if unseen := [axis for axis, found in estimates.items() if not found.noise.K.identifiable]:
+    if unseen := [axis for axis, e in estimates.items() if not e.noise.K.identifiable]:
         # the walk weighs most in long integrals
         notes.append(
             f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
-    axes = {axis: found.noise for axis, found in estimates.items()}
+    axes = {axis: estimate.noise for axis, estimate in estimates.items()}
     return NoiseResult(
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise()) | axes),
         rate_hz=max(rates.values(), default=None),
         rates_hz=rates,
-        spectrum={axis: {"misfit": found.misfit} for axis, found in estimates.items()},
+        spectrum={axis: {"misfit": estimate.misfit} for axis, estimate in estimates.items()},
         statistics=statistics,
         sessions=tuple(statistics),
         notes=tuple(notes),
@@ -98,7 +98,7 @@ def estimate_noise(device, sessions, settings, views=True):
 
 
 def _estimate(axis, records, basis, settings, notes):
-    """Return the AxisEstimate of an axis from its Records and their Modes; adds to `notes`."""
+    """Return the AxisEstimate of an axis from Records and their Modes, and add to `notes`."""
     signals = [signal for record in records for signal in record.signals(axis)]
     finite = all(np.isfinite(signal.values).all() for signal in signals)
     if not finite or all(signal.is_constant() for signal in signals):

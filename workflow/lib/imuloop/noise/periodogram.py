@@ -25,7 +25,7 @@ EXPONENTS = np.geomspace(1e-4, 1e3, 700)
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram of one Signal over its noise: the spectrum times the local background.
+    r"""Periodogram of one Signal, divided by the noise: spectrum times local background.
 
     The periodogram is :math:`I(f) = 2 |\sum_j x_j e^{-2 \pi i f t_j}|^2/(n r)` for n values
     :math:`x_j` at the times :math:`t_j` and a sampling rate r; see `Signal.power`.
@@ -80,7 +80,7 @@ class Periodogram:
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the Periodogram of one Signal; None if it is too short, sparse or has no noise.
+        """Return the Periodogram of a Signal; None if that is too short, sparse or without noise.
 
         `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
         """
@@ -98,7 +98,7 @@ class Periodogram:
         start, stop, step = edges[0], edges[-1], signal.rate / padded
         nodes = np.geomspace(start, stop, NODES)
         density = spectrum(step * nodes) * n * signal.rate / 2
-        # in single precision
+        # the division stays in single precision
         expected = np.interp(np.arange(start, stop), nodes, density / factor)
         ratio = np.divide(power[start:stop], expected, dtype=power.dtype, casting="same_kind")
         edges -= start

@@ -5,7 +5,8 @@ from scipy.special import sici, xlogy
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
-# means of fewer than SHORT samples, less than NEAR of their lengths apart, are sums, not integrals
+# the covariance of means of fewer than SHORT samples, less than NEAR of their lengths apart, is
+# computed by sums, not integrals
 SHORT, NEAR = 64, 32
 
 
@@ -13,9 +14,9 @@ def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of means over m samples for each process, SI, of the shape of `d`.
 
     The first four are for unit Q, N, B, K. The others are for Gauss-Markov processes of variance 1,
-    one for each of the correlation times, s. `d` is the distance of two means in samples, 0 or m
-    and more, in an even record; `dt` is the interval of the samples in s. For single samples, m is
-    1:
+    one for each of the correlation times, s. `d` is the distance from the start of one mean to that
+    of the other in samples, 0 or at least m, in an evenly sampled record; `dt` is the sample
+    interval Δt, s. For single samples, with m = 1 and the correlation time T, it is:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
@@ -37,7 +38,7 @@ def covariances(d, m, dt, correlation_times=()):
     yield _flicker_samples(d) if m == 1 else _flicker_means(d, m)
     yield np.where(same, -(m * m - 1) / (6 * m), -d / 2) * dt
     for tc in correlation_times:
-        # 1 - phi^n without cancellation where the process is slow
+        # phi, 1 - phi and 1 - phi^m, without cancellation where the process is slow
         phi, one_less, whole = np.exp(-dt / tc), -np.expm1(-dt / tc), -np.expm1(-m * dt / tc)
         variance = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
         apart = np.exp(-np.maximum(d - m + 1, 0) * dt / tc) * (whole / one_less) ** 2 / m**2
@@ -53,11 +54,13 @@ def _flicker_samples(d):
 def _flicker_means(d, m):
     r"""Return the generalised covariance of means of m samples of flicker, d samples apart.
 
-    Where sums are integrals it is :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`, x = d/m, with
-    :math:`\Delta^2` the second difference, and a constant; between near and short means the sum.
+    If sums may be taken as integrals, it is a constant plus :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`
+    with x = d/m and the second difference :math:`\Delta^2`. If the means are near each other and
+    short, it is the mean over all pairs of samples.
     """
 
     def k(x):
+        """Return ``x² ln x/2π``."""
         return xlogy(x**2, x) / (2 * np.pi)
 
     x = d / m

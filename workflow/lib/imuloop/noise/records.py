@@ -19,7 +19,7 @@ from imuloop.core.samples import (
 from imuloop.core.segments import DISTURBED, MOTION, STATIC, power_cycles
 from imuloop.noise.signal import SPARSEST, Signal
 
-# sessions pool into one estimate where their rates agree within this share
+# sessions share one estimate if their rates agree within this share
 RATE_TOLERANCE = 0.01
 # the usual step of time is the median of the first PART steps
 PART = 1 << 20
@@ -52,7 +52,8 @@ class Record:
     session: RecordedSession
     rows: tuple[list[slice], ...]  # rows of the samples in each stretch, for each power cycle
     cycles: tuple[Signal, ...]  # when the stretches were sampled, for each power cycle
-    lost: float  # number of samples missing in gaps of a few, share of the samples that are there
+    # number of samples that are missing in gaps of a few, over the number that are there
+    lost: float
 
     @property
     def rate(self):
@@ -76,7 +77,7 @@ class Record:
 
 
 def read_recorded(name, files):
-    """Return the RecordedSession of a session from its kind and its files, by name."""
+    """Return the RecordedSession with a name; `files` has its kind, and paths by name."""
     segments = read_columns(files["segments"])
     return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
@@ -84,15 +85,15 @@ def read_recorded(name, files):
 def record_of(session):
     """Return the Record of all rests of a session with two samples or more.
 
-    It is None if the session does not hold such a rest. A rest of a static session has the level of
-    the rest before it, unless a disturbance lies between. Each rest of another session has its own
-    level. A lost sample ends a stretch.
+    The result is None if the session does not hold such a rest. A rest of a static session has the
+    level of the rest before it, unless a disturbance lies between. Each rest of another session has
+    its own level. A lost sample ends a stretch.
     """
     if not len(session.samples):
         return None
     segments, t = session.segments, np.asarray(session.samples[TIME])
     first, last = (np.searchsorted(t, np.asarray(segments[c], float)) for c in ("start_s", "end_s"))
-    used = _steadiest(segments) & (last - first > 1)
+    used = _steady_rests(segments) & (last - first > 1)
     if not used.any():
         return None
     disturbances = np.cumsum(np.asarray(segments["kind"]) == DISTURBED)
@@ -113,12 +114,12 @@ def record_of(session):
     return Record(session, tuple(rows), tuple(signals), lost)
 
 
-def _steadiest(segments):
+def _steady_rests(segments):
     """Return the rests whose noise is the sensors' own, a mask of the segments, (n,).
 
-    These are all rests, unless the device tilts in some. Then they are those in which it lies
-    still, or else the third in which it tilts least. Of these, rests shorter than half the longest
-    are left out: a small tilt is not seen in them and looks like a walk.
+    These are all rests, unless the device tilts in some rests. Then only rests without a tilt
+    count, or the third with the least tilt if there is none. Of these, rests shorter than half the
+    longest are left out: a small tilt is not seen in them and looks like a walk.
     """
     rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
     if not tilt[rest].any():
@@ -129,11 +130,12 @@ def _steadiest(segments):
 
 
 def _split_at_losses(t, first, last):
-    """Return stretches of rests, which end where samples are missing.
+    """Return the rests cut where samples are missing, the share of those samples, and the rate.
 
-    Takes the time stamps, s, (n,), and the first and the last row (half-open) of each rest. Returns
-    first row, last row and index of the rest for each stretch, a list of tuples; the number of
-    missing samples, as a share of those that are there; and the mean rate, Hz.
+    Takes the time stamps, s, (n,), and the first and last row (half-open) of each rest. The first
+    result is a list with a tuple for each stretch: its first and last row (half-open), and the
+    index of the rest that it is part of. The share is the number of missing samples over the number
+    of samples that are there, in all rests. The rate, Hz, is the mean over all rests.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][:PART]))
@@ -144,7 +146,7 @@ def _split_at_losses(t, first, last):
         edges = [i, *(i + 1 + np.flatnonzero(missing)).tolist(), j]
         stretches += [(*ends, rest) for ends in pairwise(edges)]
         lost += int(missing.sum())
-        # a late time stamp looks like a loss; the short step after it makes up for it
+        # a late time stamp looks like a loss: the sum counts the short step after it, too
         count += int(np.rint(steps / usual).sum()) if missing.any() else len(steps)
     rate = count / (t[last - 1] - t[first]).sum()
     return stretches, float(lost / (last - first).sum()), float(rate)
@@ -154,8 +156,9 @@ def records_by_sensor(sessions, notes):
     """Return the Records to use, a list of pairs: the names of sensors, and their Records.
 
     Sensors share their Records if the same sessions hold both, on one clock. A sensor without a
-    rest is in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds the
-    notes of `used_records`, with the name of the sensor if there are two lists of Records.
+    rest is in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds
+    which sessions are left out and what limits the coefficients, with the name of the sensor if
+    there are two lists of Records.
     """
     two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
     groups, pairs = {}, []
@@ -163,28 +166,28 @@ def records_by_sensor(sessions, notes):
         if names := tuple(s.name for s in sessions if holds(s.samples, sensor)):
             groups.setdefault((names, sensor if two_clocks else None), []).append(sensor)
     for (names, _), sensors in groups.items():
-        held = [s for s in sessions if s.name in names]
-        own = [replace(s, samples=on_own_clock(s.samples, sensors[0])) for s in held]
-        records, new = used_records(own)
-        notes += [f"{sensors[0]}: {note}" if len(groups) > 1 else note for note in new]
+        chosen = [s for s in sessions if s.name in names]
+        chosen = [replace(s, samples=on_own_clock(s.samples, sensors[0])) for s in chosen]
+        records, new_notes = choose_records(chosen)
+        notes += [f"{sensors[0]}: {note}" if len(groups) > 1 else note for note in new_notes]
         if records:
             pairs.append((sensors, records))
     return pairs
 
 
-def used_records(sessions):
+def choose_records(sessions):
     """Return the Records to use and notes on them, two lists.
 
-    The Records are of static sessions or, if none of these holds a rest, of all other sessions with
-    a rest. They have one rate. The notes name the sessions that are left out, and what limits the
-    coefficients.
+    The Records are of static sessions or, if no static session holds a rest, of all other sessions
+    with a rest. All Records have one rate. The notes name the sessions that are left out, and what
+    limits the coefficients.
     """
-    found = {session.name: record_of(session) for session in sessions if session.static}
-    left_out = [name for name, record in found.items() if record is None]
+    by_name = {session.name: record_of(session) for session in sessions if session.static}
+    left_out = [name for name, record in by_name.items() if record is None]
     notes = [f"static session {name} holds no rest and is left out" for name in left_out]
-    if len(left_out) == len(found):
-        found = {session.name: record_of(session) for session in sessions if not session.static}
-    records = [record for record in found.values() if record]
+    if len(left_out) == len(by_name):
+        by_name = {session.name: record_of(session) for session in sessions if not session.static}
+    records = [record for record in by_name.values() if record]
     if records and not records[0].session.static:
         count = sum(len(record.lengths) for record in records)
         seconds = max(record.lengths.max() / record.rate for record in records)

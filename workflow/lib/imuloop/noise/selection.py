@@ -1,7 +1,7 @@
 """Which noise terms a record supports.
 
-The terms of a model are a tuple. It holds the letters of Q, N, B, K in this order, 'R' for a ramp,
-and the correlation time of each Gauss-Markov process, s.
+The terms of a model are a tuple. The tuple holds the letters of Q, N, B, K in this order, 'R' for a
+ramp, and the correlation time of each Gauss-Markov process, s.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ LONGEST = 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
-# gain in log-likelihood that does not count: fits end as near to the maximum
+# gain in log-likelihood that does not count: each fit ends within this distance of the maximum
 NOTHING = 1e-4
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # rests that are shorter, each at its own level, say little of the change between them
@@ -33,18 +33,18 @@ ORDER = (*NAMES, "R")
 
 
 def without(terms, term):
-    """Return the terms without one."""
+    """Return the terms without the term `term`."""
     return tuple(t for t in terms if t != term)
 
 
 def plus(terms, term):
-    """Return the terms with one more, in order."""
-    every = (*terms, term)
-    return (*(t for t in ORDER if t in every), *correlation_times(every))
+    """Return the terms with the term `term`, in order: letters, then correlation times."""
+    extended = (*terms, term)
+    return (*(t for t in ORDER if t in extended), *correlation_times(extended))
 
 
 def variances(terms):
-    """Return the terms that a spectrum is a sum of: all but a ramp."""
+    """Return the terms that have a variance, and so a part of the spectrum: all but a ramp."""
     return without(terms, "R")
 
 
@@ -93,11 +93,11 @@ class Selection:
         return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, terms):
-        """Return the probability that a term which is absent improves the fit of `terms` so far.
+        """Return the probability that an absent term improves the fit as much as `term` does.
 
-        `terms` hold the term. Twice the gain in log-likelihood is a chi-square variable of one
-        degree for a ramp. For a variance, which cannot be negative, it is 0 in half of all cases.
-        A correlation time is the best of several that were tried.
+        `terms` include the term. Twice the gain in log-likelihood is a chi-square variable of one
+        degree for a ramp. For a variance, which cannot be negative, the gain is 0 in half of all
+        cases. A correlation time is the best of several that were tried.
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
@@ -109,22 +109,23 @@ class Selection:
     def times(self):
         """Correlation times that are tried, s."""
         times = self.modes.correlation_times
-        longest = LONGEST * self.modes.usual
+        longest = LONGEST * self.modes.usual_level
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
 
     @property
     def candidates(self):
         """Terms that the record can tell from each other, without Gauss-Markov processes."""
-        lasting = self.modes.level >= LASTING * self.modes.span
+        lasting = self.modes.longest_level >= LASTING * self.modes.span
         return ORDER if lasting else without(NAMES, "K")
 
     @cached_property
     def supported(self):
-        """The supported terms.
+        """The supported terms, a tuple.
 
-        All candidates but a ramp are the first. The terms that fail their test go, worst first.
-        Then the term enters that passes best, a Gauss-Markov process only if no other term does.
-        Both are repeated until nothing changes.
+        The search starts from all candidates but a ramp. First, terms that fail their test are
+        removed, the worst first. Then the absent term that passes its test best is added, and a
+        Gauss-Markov process only if no other term passes. Both steps are repeated until nothing
+        changes.
         """
         terms, seen = variances(self.candidates), []
         while terms not in seen:
@@ -142,12 +143,15 @@ class Selection:
             failed = [t for t in p if p[t] > self.level]
             if not failed:
                 return terms
-            # no sensor is without white noise: it goes last of those that fail
+            # no sensor is without white noise: of the terms that fail, it is removed last
             worst = max([t for t in failed if t != "N"] or failed, key=p.get)
             terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
-        """Return the terms with that absent one which passes its test best, if one does."""
+        """Return the terms with the absent term that passes its test best, if one passes.
+
+        A Gauss-Markov process is added only if no other absent term passes.
+        """
         p = {t: self.p_value(t, plus(terms, t)) for t in self.candidates if t not in terms}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
@@ -158,7 +162,7 @@ class Selection:
         tc = max(self.times.tolist(), key=lambda tc: self.fit(plus(terms, tc), start).value)
         if self.p_value(tc, plus(terms, tc)) > self.level:
             return terms
-        # the most likely time between those that are tried
+        # the most likely correlation time near the best of those that were tried
         step = self.modes.correlation_times[1] / self.modes.correlation_times[0]
-        ends = tc / step**1.5, min(tc * step**1.5, LONGEST * self.modes.usual)
+        ends = tc / step**1.5, min(tc * step**1.5, LONGEST * self.modes.usual_level)
         return plus(terms, likeliest(lambda tc: self.fit(plus(terms, tc)).value, *ends))

@@ -9,7 +9,7 @@ from scipy import fft
 from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 
 # a power cycle of which a smaller share was recorded is not searched for lines: most of the work
-# would be on the zeros in its gaps, and each line would appear as many of the same height
+# would be on the zeros in the gaps, and each line would appear as many of the same height
 SPARSEST = 16
 
 
@@ -58,20 +58,21 @@ class Signal:
         return self.extent > SPARSEST * self.lengths.sum()
 
     def split(self, x):
-        """Return the values of each stretch, as views of the values of all, shape (n,)."""
+        """Return the part of x, (n,), in each stretch, a list of views."""
         return np.split(x, np.cumsum(self.lengths)[:-1])
 
     def centred(self, x):
-        """Return values without the mean of each level, shape (n,)."""
+        """Return the values x, (n,), minus the mean of each level, (n,)."""
         ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return the stretches with gaps of a few samples closed up, without values.
+        """Return the stretches with gaps of a few samples closed up, a Signal without values.
 
-        White noise stays white and flicker stays flicker. A line does not stay a line. What a walk
-        or a ramp does within the gaps falls to the samples that are there. So they seem larger by
-        up to the share that is missing.
+        A longer gap, or a new level, still ends a stretch. White noise stays white and flicker
+        stays flicker. A line does not stay a line. A walk or a ramp goes on within the gaps, so it
+        seems to change more from sample to sample: it looks larger by up to the share of missing
+        samples.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
@@ -87,8 +88,8 @@ class Signal:
     def power(self):
         """Squared Fourier transform over a factor, shape (f,), and the factor, SI^2.
 
-        Before, the mean of each level and one slope are removed, gaps are filled with zeros, and
-        the record is padded to twice its length or a little more.
+        Before the transform, the mean of each level and one slope are subtracted, gaps are filled
+        with zeros, and the record is padded to twice its length or a little more.
         """
         t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
         x -= (t @ x) / (t @ t) * t

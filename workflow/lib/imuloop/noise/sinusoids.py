@@ -6,7 +6,7 @@ import numpy as np
 
 # samples of a chunk
 CHUNK = 8192
-# rounds of a fit, which ends where the frequency changes by less than this share of 1/span
+# rounds of a fit, and the change of the frequency, a share of 1/span, at which it ends
 ROUNDS, CLOSE = 8, 1e-3
 
 
@@ -31,14 +31,15 @@ class FittedSinusoid:
 def fit_sinusoid(signal, frequency):
     """Return the FittedSinusoid of a Signal, fitted together with levels and a slope.
 
-    By Gauss-Newton from `frequency`, Hz, which is right within 1/(4 span). A step is at most as
-    long.
+    The method is Gauss-Newton. It starts from `frequency`, Hz, which is right within 1/(4 span); no
+    step is longer than that.
     """
     step = 1 / (4 * signal.span)
     for _ in range(ROUNDS):
         products = _products(signal, frequency)
         cosine, sine = np.linalg.solve(products[1:4, 1:4], products[1:4, 0])[1:]
-        # derivative by the frequency, t = u span/2: pi span u (sine cos - cosine sin)
+        # derivative of the sinusoid by the frequency at the time u span/2, with the amplitudes
+        # `sine` and `cosine`: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
         mix[4, 4:] = np.pi * (signal.extent - 1) / signal.rate * np.array([sine, -cosine])
         gram = mix @ products @ mix.T
@@ -61,7 +62,7 @@ def fit_sinusoid(signal, frequency):
 def _products(signal, frequency):
     """Return the sums of products of the six rows of `_chunks` over all samples, (6, 6).
 
-    The mean of each level is subtracted from each row before.
+    In these sums, each row is taken without its mean over each level.
     """
     number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))

@@ -36,7 +36,7 @@ def spectrum_table(axis, stretches, rate):
 
     The sum is over all pairs of the n squared coefficients in a bin, from all segments of L
     samples. The coefficients of a pair lie d frequencies and s samples apart. w is the Hann window.
-    The noise is taken for white within a bin.
+    The noise is assumed to be white within a bin.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def spectrum_table(axis, stretches, rate):
     -------
     dict of ndarray
         Rows of spectra.parquet: frequencies in Hz, ascending, without the two lowest and without
-        half the rate; densities in SI^2/Hz, and their 95 % intervals by chi-square. They are at
-        most `POINTS`, and 0 if all stretches are shorter than `FEWEST` samples.
+        half the rate; densities in SI^2/Hz, and their 95 % intervals by chi-square. There are at
+        most `POINTS` rows, and none if all stretches are shorter than `FEWEST` samples.
 
     References
     ----------
@@ -64,7 +64,7 @@ def spectrum_table(axis, stretches, rate):
     length = 1 << (int(longest // 2).bit_length() - 1)
     half, segments, overlaps = length // 2, 0, 0
     window, total = np.hanning(length + 1)[:-1].astype(np.float32), np.zeros(half)
-    # of a size that single precision holds; its rounding is 14 decades below the variance
+    # values of size one suit single precision; its rounding is 14 decades below the variance
     size = max(map(np.ptp, stretches)) or 1.0
     for x in stretches:
         starts = range(0, len(x) - length + 1, half)
@@ -81,7 +81,7 @@ def spectrum_table(axis, stretches, rate):
     frequency = (first + (count - 1) / 2) * rate / length
     density = 2 * (size / segments) * (size / rate) * total / (window @ window)
     density = np.add.reduceat(density, first) / count
-    # pairs of coefficients of a bin by the distance between their frequencies
+    # number of pairs of coefficients in each bin, by the distance of the two frequencies
     distance = np.arange(len(SAME))
     pairs = np.where(distance > 0, 2, 1) * np.maximum(count[:, None] - distance, 0)
     correlated = segments * (pairs @ SAME) + 2 * overlaps * (pairs @ NEXT)

@@ -1,6 +1,6 @@
 """The parameter that limits a calibration, and the rest or turn that improves it most.
 
-Nominal SI values are raw readings less the data sheet's offset, times its scale.
+Nominal SI values are raw readings minus the offset, times the scale of the data sheet.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -29,7 +29,7 @@ RATE_IN_USE = 100 * DEGREE
 ATTITUDES = np.array([v / np.linalg.norm(v) for v in product((1.0, 0, -1.0), repeat=3) if any(v)])
 # least angle between a new attitude and all earlier rests, rad
 FAR = 40 * DEGREE
-# times of the samples of a turn, as shares of its length
+# times of the samples of a turn, as shares of the length of the turn
 _SHARE = np.linspace(0, 1, 64)[:, None]
 
 
@@ -80,8 +80,8 @@ class Advice:
     sensor, parameter : str
         Name of the sensor and of the parameter, such as ``gyroscope`` and ``K2``.
     error, ratio : float
-        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the error over the error
-        that is good enough.
+        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the ratio of this error to
+        the error that is good enough.
     std, std_after : float
         Standard error of the parameter before and after the step, nominal SI.
     step : Step
@@ -100,9 +100,9 @@ class Advice:
 def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     """Return the Advice: the parameter that limits a calibration, and the next rest or turn.
 
-    A step adds residuals with the Jacobian J and the covariance R. After it the covariance of the
-    parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from the
-    noise, times the reduced χ² of the calibration if that is above one.
+    A step adds residuals with the Jacobian J and the covariance R. After the step, the covariance
+    of the parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from
+    the noise, times the reduced χ² of the calibration if that is above one.
 
     Parameters
     ----------
@@ -141,10 +141,11 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     up = upward(calibration, recording.poses)
     steps, variances, factors = candidates(up), [], Factors(calibration.gravity)
     simulated = simulate_steps(steps, up[-1], calibration, recording)
-    linearised = factors.about(simulated, state).at(state.x)
+    linearised = factors.linearised_about(simulated, state).at(state.x)
     owners = factors.owners(simulated).tolist()
-    size = np.sqrt([getattr(calibration, owner).excess for owner in owners])
-    R = linearised.noise.by(noise) * size[:, None] * size
+    # factor on the standard deviation of each residual, from the reduced χ²
+    scale = np.sqrt([getattr(calibration, owner).excess for owner in owners])
+    R = linearised.noise.by(noise) * scale[:, None] * scale
     # residuals that end at the second rest of each session; the first rest is known already
     ends = factors.rows(simulated)[0].max(axis=1)
     for k in range(len(steps)):
@@ -173,9 +174,9 @@ def upward(calibration, poses):
 def candidates(up):
     """Return the Steps to choose from, a list, after n rests.
 
-    A rest far from all earlier rests comes first, as an effect can hide in an attitude that was
-    never up. Without one, rests far from the last rest and turns about each axis are returned.
-    `up`, (n, 3), are the upward directions of the rests on body axes.
+    These are rests far from all earlier rests, as an effect can hide in an attitude that was never
+    tried. If there is no such attitude, they are rests far from the last rest, and turns about each
+    axis. `up`, (n, 3), are the upward directions of the rests on body axes.
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
@@ -186,7 +187,7 @@ def simulate_steps(steps, now, calibration, recording):
     """Return the Recording of m steps without noise, with two rests and a turn for each step.
 
     Each step is its own session. The rests are as long and as noisy as the median rest of
-    `recording`, and the turns are as undersampled as its turns.
+    `recording`, and the turns are as undersampled as the turns in it.
 
     Parameters
     ----------
@@ -195,7 +196,7 @@ def simulate_steps(steps, now, calibration, recording):
     now : ndarray, shape (3,)
         Present upward direction on body axes.
     calibration : Calibration
-        It converts true values to nominal SI.
+        Calibration that converts true values to nominal SI.
     recording : Recording
         Poses and rotations so far.
     """

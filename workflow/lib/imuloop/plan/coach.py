@@ -41,13 +41,14 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     Parameters
     ----------
     samples : DataFrame
-        Its samples so far, SI.
+        Samples of the session so far, SI.
     gravity : float
         Local gravity, m/s^2.
     units : pair of RawUnit
         Raw unit of the accelerometer and of the gyroscope.
     noise : NoiseModel, optional
-        Noise by `rest_noise`; by default white noise as in the samples of the rests.
+        Noise of the device, as from `rest_noise`; by default white noise with the variance of the
+        samples in the rests.
     within : float
         Largest relative scale factor error, and misalignment, rad, that is good enough.
     """
@@ -65,8 +66,8 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
         density = np.sqrt(np.median(recording.poses.variance, axis=0) * np.median(np.diff(t)))
         white = (AxisNoise(N=Coefficient(float(n), identifiable=True)) for n in density)
         noise = NoiseModel("device", dict(zip(CHANNELS, white, strict=True)))
-    of_sensor = dict(zip(SENSORS, units, strict=True))
-    sensors = calibrate_sensors(recording, noise, gravity, of_sensor, settings)
+    unit_of_sensor = dict(zip(SENSORS, units, strict=True))
+    sensors = calibrate_sensors(recording, noise, gravity, unit_of_sensor, settings)
     enough = within * np.repeat([gravity, RATE_IN_USE], 3)
     calibration = Calibration("device", gravity, **sensors)
     advice = next_pose_or_turn(calibration, noise, recording, enough, "TK")
@@ -83,7 +84,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 def rest_noise(samples):
     """Return the NoiseModel of the rests of a session, with flicker and random walk.
 
-    `samples` is the DataFrame of its samples, SI. The estimate takes seconds.
+    `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
     """
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)

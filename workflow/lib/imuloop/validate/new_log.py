@@ -117,7 +117,8 @@ class NewLog:
         `change` is an array of SI values, (p,), or a number for all parameters.
         """
         old, _ = self.prior
-        return self.factors.about(self.recording, replace(old, x=old.x + change)).at(old.x + change)
+        x = old.x + change
+        return self.factors.linearised_about(self.recording, replace(old, x=x)).at(x)
 
     def places(self, sensor, names):
         """Return the indices of parameters of a sensor, given by name, in the state, a list."""
