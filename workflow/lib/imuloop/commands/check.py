@@ -44,9 +44,9 @@ EXAMPLE = f"""examples:
   imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
   imuloop check calibration.json poses_today.csv --update -o calibration_today.json
 
-LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
-the accelerometer's along gravity; three rests in different directions for all its biases. Exit
-status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
+LOG is a new log of the same device. Poses test all parameters; one rest tests the biases of the
+gyroscope and the accelerometer's bias along gravity; three rests in different directions test all
+biases. Exit status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
 def add(commands, **how):
