@@ -177,7 +177,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     printed = capsys.readouterr()
     gravity, verdicts, last = printed.out.splitlines()
     assert gravity == "gravity 9.80665 m/s²"
-    assert verdicts.startswith("log: accelerometer and gyroscope not testable: ")
+    assert verdicts.startswith("log: accelerometer and gyroscope not testable (")
     [line] = printed.err.splitlines()
     assert line.startswith(f"imuloop: {tmp_path / 'log.csv'}: rejected: ") and cause in line
     assert last == f"wrote {page}"

@@ -83,9 +83,7 @@ def run(arguments):
             "not moved; --shift moves them"
         )
     for (sensor, name), count in clamped.items():
-        say(
-            f"{sensor}: {name} clamped to the range of the fitted data in {plural(count, 'sample')}"
-        )
+        say(f"{sensor}: {name} clamped to the fitted range in {plural(count, 'sample')}")
 
 
 def offset_in_time(calibration):
