@@ -139,7 +139,7 @@ def run(arguments):
 
 
 def noise_of(arguments, calibration, kind, samples, segments):
-    """Return the noise model, and in words where it is from."""
+    """Return the NoiseModel, and in words its origin: a file or the log itself."""
     path = arguments.noise or arguments.calibration.with_name("noise.json")
     if arguments.noise or path.is_file():
         try:
@@ -152,7 +152,7 @@ def noise_of(arguments, calibration, kind, samples, segments):
 
 
 def lines(drift):
-    """Return a Drift in lines for people."""
+    """Return the result of the test, a Drift, in lines for people."""
     found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
@@ -197,7 +197,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return the remark on a change."""
+    """Return in words whether a Change is drift, and for a bias what noise and turn-on allow."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

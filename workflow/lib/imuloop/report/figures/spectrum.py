@@ -32,8 +32,8 @@ def density_pictures(device, session):
 def _ramp(frequency):
     r"""Return the density that a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
 
-    `frequency` is in Hz, the lowest is 2/T. Under a Hann window, in segments of T without their
-    mean, it is :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T.
+    `frequency` is in Hz, the lowest is 2/T. For segments of length T, minus their mean, under a
+    Hann window, it is :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T.
     """
     segment = 2 / frequency.min()
     k = frequency * segment
