@@ -181,7 +181,7 @@ def lines(drift):
             found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
     if drift.bias_only:
         found.append(
-            "Only biases moved, by more than --turn-on allows. --update writes the new ones."
+            "Only biases moved, by more than --turn-on allows. --update writes the new biases."
         )
     return found
 

@@ -72,6 +72,7 @@ def run(arguments):
 
 
 def _copy(source, target):
+    """Copy a binary stream into a file until the stream ends, without buffering."""
     with open(target, "wb", buffering=0) as file:
         shutil.copyfileobj(source, file, 1 << 12)
 

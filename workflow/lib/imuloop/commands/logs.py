@@ -93,6 +93,7 @@ def log_samples(log, arguments, folder, calibration=None):
     full_scale = known.get("full_scale", {}) | figures["full_scale"]
 
     def read(layout=None):
+        """Ingest the log with the declaration `layout`; return samples path and quality."""
         ingest(
             device=calibration.device if calibration else "log",
             session=name_of(log),

@@ -138,6 +138,7 @@ def between(low, high, count=1):
     """Return a function that reads an argument: a number in a range, or several."""
 
     def number(text):
+        """Return the number of an argument, or a tuple of `count` numbers."""
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

@@ -171,6 +171,7 @@ def grouped(summaries):
         groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
 
     def order(group):
+        """Return the key by which groups are sorted: worst verdict, then size."""
         said, devices = group
         return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(devices)]
 

@@ -102,6 +102,7 @@ def allan_picture(name, session, sensor, allan, axes):
     unit = QUANTITIES[sensor]["B"]
 
     def plot(areas):
+        """Draw measured curve, model and terms of each axis on its area."""
         ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
         low = min(v[v > 0].min() for v in ends if (v > 0).any())
         high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
@@ -164,6 +165,7 @@ def corrected_pictures(device, block):
             continue
 
         def plot(area, curves=curves):
+            """Draw the curves of three axes, as logged and corrected."""
             for colour, (axis, (raw, after)) in zip(AXES, curves.items(), strict=True):
                 draw_curve(area, after, unit, color=colour, label=axis)
                 area.loglog(raw["tau_s"], unit.factor * raw["adev"], color=colour, ls=":", lw=1.6)

@@ -40,6 +40,7 @@ def attitude_pictures(device):
         words = {"raw": "as logged", "final": "base model, also the final one"}
 
     def plot(area):
+        """Draw the error of each model over time, a line per stretch."""
         for model, text in words.items():
             for _, r in rows[rows["model"] == model].groupby("stretch"):
                 looks = {"color": COLOURS[model], "ms": 3, "label": text}

@@ -41,6 +41,10 @@ def temperatures(session, start):
 
 
 def _picture(device, session, points, block):
+    """Return the picture of the bias over one static record.
+
+    `session` is a name; `points` are the rows of diagnosis.json for this session.
+    """
     sensor, display = block["sensor"], data_sheet(block["residuals"]["bias"]["unit"])
     t, floor = (points[k].to_numpy(float) for k in ("start_s", "floor"))
     before, floor, after = np.stack(points["values"].to_numpy()), floor / np.sqrt(3), None
@@ -62,6 +66,7 @@ def _picture(device, session, points, block):
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
     def plot(areas):
+        """Draw bias, floor and temperature over time."""
         areas = areas if isinstance(areas, list) else [areas]
         for i, (axis, colour) in enumerate(zip(XYZ, AXES, strict=True)):
             area, old = areas[i % count], before[:, i] * display.factor
@@ -135,6 +140,7 @@ def temperature_pictures(device, block):
     fitted = [curve(grid - theta0) for curve in curves]
 
     def plot(areas):
+        """Draw the bias of each axis against temperature, with the fitted curve."""
         for area, axis, curve in zip(areas, XYZ, fitted, strict=True):
             for rows in sessions:
                 theta, old, new = (rows[k] for k in ("temperature_degC", axis, f"{axis}_corrected"))

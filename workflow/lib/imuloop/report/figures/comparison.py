@@ -44,6 +44,7 @@ def _lines(sensor, curves):
     """Return caption, plot and numbers of a line per device."""
 
     def plot(area):
+        """Draw a line per device."""
         for i, _, tau, adev in curves:
             colour, dash = line_style(i)
             area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
@@ -74,6 +75,7 @@ def _band(sensor, curves):
     at = int(np.abs(grid - common).argmin())
 
     def plot(area):
+        """Draw the median and the band of all devices."""
         fill(area, grid, low, high, BLUE)
         area.loglog(grid, middle, color=BLUE, lw=2, label="median, 5–95 %")
         area.set(xlabel="averaging time τ, s", ylabel=f"Allan deviation, {UNITS[sensor]}")

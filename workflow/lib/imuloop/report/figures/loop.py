@@ -139,6 +139,7 @@ def loop_picture(name, errors, ends=None):
         return None
 
     def plot(area):
+        """Draw the errors on one axis."""
         draw_loop(area, errors, ends or reach(errors))
 
     said = (

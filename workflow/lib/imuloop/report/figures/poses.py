@@ -65,6 +65,7 @@ def pose_pictures(device):
     hole, angle = largest_hole(everything)
 
     def plot(areas):
+        """Draw the upper and the lower hemisphere."""
         for area, sign in zip(areas, (1, -1), strict=True):
             draw_poses(area, directions, sign, hole)
 

@@ -86,6 +86,10 @@ def draw_residuals(area, x, before, after, floor):
 
 
 def _picture(device, name, table, block):
+    """Return the picture of one kind of residual, `name`.
+
+    `table` has a row per pose, move or window; `block` is the diagnosis that the residual is of.
+    """
     residual, changed = block["residuals"][name], bool(block["effects"])
     display, (words, short, _) = data_sheet(residual["unit"]), WORDS["residuals"][name]
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
@@ -96,6 +100,7 @@ def _picture(device, name, table, block):
         numbers[key] = [TURN_AXES[i] for i in x] if key == "axis" else x
 
     def plot(areas):
+        """Draw the residuals against each quantity on an area of its own."""
         areas = np.atleast_1d(areas)
         for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
             # against time, each mark has its floor; elsewhere that would jump, so draw the median

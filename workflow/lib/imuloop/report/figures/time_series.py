@@ -79,6 +79,7 @@ def session_pictures(device, session):
 
 
 def _picture(device, session, sensor, t):
+    """Return the picture of a sensor in a session; `t` are the time stamps, (n,), s."""
     segments, resting = session.segments, session.kind == "static"
     display = (RESTING if resting else MOVING)[sensor]
     gaps = segments["start_s"][segments["kind"] == GAP]
@@ -108,6 +109,7 @@ def _picture(device, session, sensor, t):
         area.plot(x / size, (np.asarray(y) - middle[axis]) * display.factor, **looks)
 
     def plot(areas):
+        """Draw each axis on its area, or all axes of a moving record on one."""
         areas = areas if resting else [areas] * 3
         for area in dict.fromkeys(areas):
             shade(area, segments, size)
