@@ -205,13 +205,13 @@ def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, 
     log.to_csv(tmp_path / "log.csv", index=False)
     out = tmp_path / "out.csv"
     given = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]
-    assert "no offset in time" in one_line_error([*given, "--shift"], capsys)
+    assert "no time offset" in one_line_error([*given, "--shift"], capsys)
     effect = {"name": "time_offset", "parameters": {"dt": -0.004}}
     sensors = {"gyroscope": {"reference": {"effects": [effect]}}}
     write_json(tmp_path / "diagnosis.json", {"sensors": sensors})
     for more, words, shift in (
-        ([], "not applied: the gyroscope's stamps are -4 ms", 0.0),
-        (["--shift"], "stamps moved by -4 ms", -0.004),
+        ([], "the gyroscope's stamps are -4 ms", 0.0),
+        (["--shift"], "stamps were moved by -4 ms", -0.004),
     ):
         assert main(given + more) == 0
         assert words in capsys.readouterr().out
@@ -219,4 +219,4 @@ def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, 
     # of a reference whose clock began apart it says nothing of the next log
     (tmp_path / "hand").mkdir()
     write_json(tmp_path / "hand/quality.json", {"reference": {"clock": {"own": True}}})
-    assert "no offset in time" in one_line_error([*given, "--shift"], capsys)
+    assert "no time offset" in one_line_error([*given, "--shift"], capsys)

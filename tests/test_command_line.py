@@ -177,7 +177,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     printed = capsys.readouterr()
     gravity, verdicts, last = printed.out.splitlines()
     assert gravity == "gravity 9.80665 m/s²"
-    assert verdicts.startswith("log: accelerometer and gyroscope not testable: ")
+    assert verdicts.startswith("log: accelerometer and gyroscope not testable (")
     [line] = printed.err.splitlines()
     assert line.startswith(f"imuloop: {tmp_path / 'log.csv'}: rejected: ") and cause in line
     assert last == f"wrote {page}"
@@ -185,7 +185,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     assert text.index("Rejected sessions") < text.index(cause) < text.index("value ± 1 σ")
     assert "Nothing needed" not in text
     [advice] = re.findall(r"What would help most:</strong> (.*?)</p>", text)
-    assert advice.startswith("Correct the declaration of session multi_position_1, which was rej")
+    assert advice.startswith("Before anything else, correct the declaration of the rejected")
     assert text.count(cause) == 1
 
 

@@ -88,8 +88,8 @@ def test_rejected_sessions_come_first_then_the_comparison(page):
 
 
 def test_the_report_says_what_to_add_to_the_error_of_a_bias_for_the_next_hour(page):
-    said = "the mean level over the rests of this record; an hour later add, in quadrature, ± "
-    assert re.search(said + r"[\d.—]+, [\d.—]+ and [\d.—]+ mg by B and K", page.text)
+    said = "the mean level over the rests of this record; to its σ an hour later, add "
+    assert re.search(said + r"[\d.—]+, [\d.—]+ and [\d.—]+ mg from B and K", page.text)
 
 
 def test_a_device_of_which_nothing_was_testable_is_reported_alone(results, tmp_path):
@@ -98,7 +98,7 @@ def test_a_device_of_which_nothing_was_testable_is_reported_alone(results, tmp_p
     [said] = re.findall(r'<li class="device">(.*?)</li>', html, re.DOTALL)
     assert "<strong>Not testable.</strong>" in said and "<svg" not in said
     # without errors there is no line to explain
-    assert "Dashed: the error from noise alone" not in html
+    assert "Dashed: an estimate of the error from noise" not in html
 
 
 # what the first screen calls an error: sensor, record, residual, and how many of its unit an SI is
@@ -119,9 +119,9 @@ def test_the_figures_of_the_first_screen_are_those_of_the_files(html, page, resu
     content = json.loads((results / device / "diagnosis.json").read_text())
     residual = content["sensors"][sensor][record]["residuals"][name]
     found = {
-        "before": re.match(r"(?:correcting the effects? takes )?([\d.]+)", sizes),
-        "after": re.match(r"correcting the effects? takes \S+ ?m?g? to ([\d.]+\d)", sizes),
-        "floor": re.search(r"which alone gives ([\d.]+\d)", sizes),
+        "before": re.match(r"([\d.]+)", sizes),
+        "after": re.match(r"\S+ ?m?g? before and ([\d.]+\d)", sizes),
+        "floor": re.search(r"the noise alone gives ([\d.]+\d)", sizes),
     }
     for key, size in found.items():
         if size:
@@ -164,7 +164,7 @@ def test_tables_have_caption_scope_and_units(page):
         "Bias, °/s",
         "White noise, µg/√Hz",
         "Rate, Hz",
-        "Gaps in all, s",
+        "Length of all gaps, s",
     ):
         assert words in [e["text"] for e in page.all("th")]
     # a cell may hold a line for each unit
@@ -176,7 +176,7 @@ def test_simulated_devices_are_called_so_everywhere(page):
     called = [e for e in page.elements if e["text"].strip() == f"{HOSTILE} (simulated)"]
     # contents, two tables, sentences, key, title, logs
     assert len({id(e) for e in called if e["tag"] in ("a", "h2", "th")}) >= 7
-    assert "Its logs were made by a computer" in page.text
+    assert "logs of this device were made by a computer" in page.text
 
 
 def test_comparison_csv_is_si_with_units_in_its_header(results):

@@ -1,4 +1,4 @@
-"""``imuloop apply``: a log, calibrated."""
+"""``imuloop apply``: write the calibrated samples of a log."""
 
 import tempfile
 from pathlib import Path
@@ -22,8 +22,8 @@ EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
 
 Reads every format that imuloop reads, raw or as samples.parquet. Writes t (s), ax ay az (m/s^2),
-gx gy gz (rad/s), and temperature (degC) if logged; to .csv also calibrated_by_imuloop, 1, by which
-it is refused a second time."""
+gx gy gz (rad/s), and temperature (degC) if logged. A .csv has one more column,
+calibrated_by_imuloop, so that imuloop does not calibrate the file a second time."""
 
 
 def add(commands, **how):
@@ -39,12 +39,12 @@ def add(commands, **how):
     command.add_argument(
         "--nominal",
         action="store_true",
-        help="apply a calibration of which nothing was measured all the same",
+        help="apply the calibration even if nothing of it was measured",
     )
     command.add_argument(
         "--shift",
         action="store_true",
-        help="add to the stamps the offset in time that was found with a reference",
+        help="add the time offset that was found with a reference to the time stamps",
     )
     add_arguments(command)
     command.set_defaults(run=run)
@@ -54,37 +54,36 @@ def run(arguments):
     """Write the calibrated samples of a log."""
     refuse_swapped(arguments.calibration, arguments.log)
     calibration, output = Calibration.from_json(arguments.calibration), arguments.output
-    # before the log is read, which may take long
+    # refuse before reading the log, which may take long
     if not arguments.nominal:
         calibration.refuse_nominal(arguments.calibration)
     shift = offset_in_time(arguments.calibration)
     if arguments.shift and not shift:
         raise ImuloopError(
-            f"{arguments.calibration}: --shift: the diagnosis.json next to it has no offset in time"
+            f"{arguments.calibration}: --shift: the diagnosis.json next to it has no time offset"
         )
     logs = files_of(arguments.log)
     beside = logs[0].with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, *logs, beside])
     output.parent.mkdir(parents=True, exist_ok=True)
-    # next to the output, where there is room for a file as large
+    # temporary files are next to the output, where there is room for a file as large
     with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:
         samples, quality = log_samples(
             arguments.log, arguments, Path(folder), calibration=calibration
         )
         refuse_rejected(arguments.log, quality)
         added = shift if arguments.shift else 0.0
-        held = calibration.apply_file(samples, output, nominal=arguments.nominal, shift=added)
+        clamped = calibration.apply_file(samples, output, nominal=arguments.nominal, shift=added)
     say(*map(one_line, calibration.limits()))
     if added:
-        say(f"stamps moved by {1e3 * added:.3g} ms, the gyroscope's offset from the reference")
+        say(f"stamps were moved by {1e3 * added:.3g} ms, the gyroscope's offset from the reference")
     elif shift:
         say(
-            f"not applied: the gyroscope's stamps are {1e3 * shift:.3g} ms from the reference's; "
-            "--shift adds that"
+            f"the gyroscope's stamps are {1e3 * shift:.3g} ms from the reference's and were "
+            "not moved; --shift moves them"
         )
-    for (sensor, name), count in held.items():
-        seen = "the range of the data that show it"
-        say(f"{sensor}: {name} held to {seen} in {plural(count, 'sample')}")
+    for (sensor, name), count in clamped.items():
+        say(f"{sensor}: {name} clamped to the fitted range in {plural(count, 'sample')}")
 
 
 def offset_in_time(calibration):

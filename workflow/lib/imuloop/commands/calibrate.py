@@ -20,14 +20,14 @@ EXAMPLE = """examples:
   imuloop calibrate poses.csv static=night.csv -o results/my_imu --acceleration-unit g
   imuloop calibrate acceleration=acc.csv,angular_rate=gyr.csv -o results/my_imu
 
-Writes calibration.json, noise.json, diagnosis.json and exports, and prints the verdicts; needs
+Writes calibration.json, noise.json, diagnosis.json and exports, and prints the verdicts. It needs
 neither Snakemake nor matplotlib."""
 
 
 def add(commands, **how):
     """Add the command and its arguments."""
     command = commands.add_parser(
-        "calibrate", help="calibrate one device by its logs", epilog=EXAMPLE, **how
+        "calibrate", help="calibrate one device from its logs", epilog=EXAMPLE, **how
     )
     add_logs(command)
     command.add_argument("-o", "--output", type=Path, required=True, help="folder of the results")
@@ -41,14 +41,17 @@ def add_logs(command):
         nargs="+",
         type=_log,
         metavar="[KIND=]LOG",
-        help=f"KIND is {', '.join(KINDS)}; two files of one sensor each are "
+        help=f"KIND is {', '.join(KINDS)}; a log in two files, one per sensor, is "
         "acceleration=FILE,angular_rate=FILE",
     )
     command.add_argument(
-        "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
+        "--kind",
+        choices=KINDS,
+        default=KINDS[0],
+        help=f"kind of logs without; default {KINDS[0]}",
     )
     command.add_argument("--label", help="name in the report; default: the name of the first log")
-    add_gravity(command, f"{STANDARD_GRAVITY}, whose error is one of scale")
+    add_gravity(command, f"{STANDARD_GRAVITY}; its error becomes an error of the scale factors")
     command.add_argument(
         "--prior",
         type=Path,
@@ -63,7 +66,7 @@ def run(arguments):
     folder = kept_in(arguments.output, "-o", arguments)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        # in the folder, where there is room for something as large
+        # temporary files are in the folder, where there is room for the results
         with (
             tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as results,
             made(arguments, Path(results)) as result,
@@ -77,7 +80,7 @@ def run(arguments):
             say(*result.describe(failures=False).splitlines())
             moved(Path(results), folder)
     finally:
-        # where nothing was written
+        # the folder is empty if nothing was written
         with suppress(OSError):
             folder.rmdir()
     say(f"wrote {folder / 'calibration.json'}")
@@ -122,10 +125,10 @@ def made(arguments, folder):
     for kind, log_or_two in arguments.logs:
         for path in files_of(log_or_two):
             if path.suffix == ".parquet" and path.is_file() and is_samples(path):
-                raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
+                raise ImuloopError(f"{path}: samples of a run; give the raw log that they are from")
         logs[kind or arguments.kind].append(log_or_two)
     with warnings.catch_warnings():
-        # of numbers at their limits; failures and notes are in the result
+        # they are of numbers at their limits; failures and notes are in the result
         warnings.simplefilter("ignore")
         yield calibrate(
             logs.pop("multi_position"),

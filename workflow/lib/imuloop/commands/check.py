@@ -44,9 +44,9 @@ EXAMPLE = f"""examples:
   imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
   imuloop check calibration.json poses_today.csv --update -o calibration_today.json
 
-LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
-the accelerometer's along gravity; three rests in different directions for all its biases. Exit
-status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
+LOG is a new log of the same device. Poses test all parameters; one rest tests the biases of the
+gyroscope and the accelerometer's bias along gravity; three rests in different directions test all
+biases. Exit status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
 def add(commands, **how):
@@ -139,7 +139,7 @@ def run(arguments):
 
 
 def noise_of(arguments, calibration, kind, samples, segments):
-    """Return the noise model, and in words where it is from."""
+    """Return the NoiseModel, and in words its origin: a file or the log itself."""
     path = arguments.noise or arguments.calibration.with_name("noise.json")
     if arguments.noise or path.is_file():
         try:
@@ -152,7 +152,7 @@ def noise_of(arguments, calibration, kind, samples, segments):
 
 
 def lines(drift):
-    """Return a Drift in lines for people."""
+    """Return the result of the test, a Drift, in lines for people."""
     found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
@@ -181,7 +181,7 @@ def lines(drift):
             found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
     if drift.bias_only:
         found.append(
-            "Only biases moved, by more than --turn-on allows. --update writes the new ones."
+            "Only biases moved, by more than --turn-on allows. --update writes the new biases."
         )
     return found
 
@@ -197,7 +197,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return the remark on a change."""
+    """Return in words whether a Change is drift, and for a bias what noise and turn-on allow."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

@@ -26,21 +26,21 @@ EXAMPLE = f"""examples:
   imuloop coach poses.csv
   cat /dev/ttyACM0 | imuloop coach - --acceleration-unit g --angular-rate-unit deg/s
 
-Follows a log that grows, or lines on standard input: the poses so far, how well the parameters are
-known, what to do next; done when every parameter is as good as asked for. Exit status: 0 done,
-{EARLY} the log ended before, 1 error, 2 usage."""
+Follows a log that grows, or lines on standard input. Prints the poses so far, how well the
+parameters are known and what to do next, until every parameter is as good as asked for. Exit
+status: 0 done, {EARLY} the log ended before that, 1 error, 2 usage."""
 
 
 def add(commands, **how):
     """Add the command and its arguments."""
     command = commands.add_parser("coach", help="guide a recording", epilog=EXAMPLE, **how)
-    command.add_argument("log", type=Path, help="multi_position log that grows; - standard input")
+    command.add_argument("log", type=Path, help="multi_position log that grows, or - for stdin")
     command.add_argument(
         "--within",
         type=between(1e-4, 10),
         default=0.2,
         metavar="%",
-        help="standard error that scale factors and misalignments shall have, default 0.2 percent",
+        help="standard error to reach for scale factors and misalignments; default 0.2 percent",
     )
     command.add_argument(
         "--every", type=between(0.01, 60), default=2.0, metavar="S", help="time between looks"
@@ -72,6 +72,7 @@ def run(arguments):
 
 
 def _copy(source, target):
+    """Copy a binary stream into a file until the stream ends, without buffering."""
     with open(target, "wb", buffering=0) as file:
         shutil.copyfileobj(source, file, 1 << 12)
 
@@ -105,13 +106,13 @@ def follow(log, arguments, folder):
         elif time.monotonic() - grown > arguments.patience:
             if why:
                 raise ImuloopError(f"{log}: {why}")
-            say("the log ended before all that was asked for is reached")
+            say("the log ended before every parameter was as good as asked for")
             return EARLY
         time.sleep(arguments.every)
 
 
 def line(found):
-    """Return a Progress in a line."""
+    """Return `found`, a Progress, as a line for people."""
     known = [f"{s} {number(100 * x, 2)} %" for s, x in found.worst.items() if np.isfinite(x)]
     text = f"{found.duration_s / 60:.1f} min, {plural(len(found.up), 'pose')}"
     text += f"; scale factor and misalignment good to: {', '.join(known)}" if known else ""

@@ -23,6 +23,7 @@ def add_gravity(command, default):
 
 
 def _size(text):
+    """Return local gravity, m/s^2, of an argument, if it is plausible."""
     try:
         return gravity_of(float(text))
     except ImuloopError as error:

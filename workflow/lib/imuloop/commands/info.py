@@ -46,7 +46,7 @@ def add(commands, **how):
 def run(arguments):
     """Print the content of a file; return 1 for a log that is rejected."""
     path = arguments.file
-    # two files are a log
+    # a dict of two files is a log
     suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
     if suffix == ".json" and not holds_log(path):
         say(*result_lines(path))
@@ -84,7 +84,7 @@ def result_lines(path):
 
 
 def calibration_lines(calibration):
-    """Return parameters ± σ and effects of a calibration."""
+    """Return parameters ± σ and effects of a Calibration in lines for people."""
     head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
@@ -105,12 +105,12 @@ def calibration_lines(calibration):
 
 
 def noise_lines(content, data_sheet=None):
-    """Return noise coefficients in units of data sheets; ``data_sheet`` as in `device_figures`."""
+    """Return the noise coefficients of noise.json in lines; `data_sheet` has typical values."""
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
     device = DeviceResults("", "", Path(), noise=content, data_sheet=data_sheet or {})
-    # without a rate for any sensor neither has a number
+    # if no sensor has a rate, list both, without numbers
     for sensor in content.get("rates_hz") or SENSORS:
         rows = coefficient_table(device, sensor).rows
         lines += aligned([(sensor, "", *XYZ), *rows], indent=0)
@@ -118,7 +118,7 @@ def noise_lines(content, data_sheet=None):
 
 
 def verdict_lines(content):
-    """Return verdicts, effects that were added, and residuals with their floors."""
+    """Return verdicts, added effects and residuals of diagnosis.json in lines for people."""
     lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
     for sensor, (part, words) in product(SENSORS, RECORDS.items()):
         block = content["sensors"].get(sensor, {}).get(part)
@@ -137,7 +137,7 @@ def verdict_lines(content):
 
 
 def quality_lines(content):
-    """Return rate, duration, ranges and faults of a log."""
+    """Return rate, duration, ranges and faults, from quality.json, in lines for people."""
     figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
     rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
     lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
@@ -149,7 +149,7 @@ def quality_lines(content):
 
 
 def log_lines(arguments):
-    """Return format, columns, rate, duration and faults of a log, and whether it is rejected."""
+    """Return a log in lines for people, and whether it is rejected."""
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         samples, quality = log_samples(path, arguments, Path(folder))

@@ -46,16 +46,16 @@ def paths_of(log):
 
 
 def figures_of(arguments):
-    """Return the `device_figures` of the sensor that the options name."""
+    """Return the figures of the data sheet of the sensor that the options name, by key."""
     keys = declared_keys(arguments)
     return device_figures(*map(keys.get, ("sensor", "range", "nominal")))
 
 
 def declared(arguments, calibration=None, layout=None):
-    """Return the declaration of a log by the options, as in `ingest`, without the scales of counts.
+    """Return the keywords of `Declared` that the options give, without the scales of counts.
 
-    Without an option the raw units are as in the calibration, if one is given, and the rest is as
-    in the `layout` of the calibration's log.
+    Raw units without an option are those of the calibration, if one is given; all else without an
+    option is taken from `layout`, the declaration of the calibration's log.
     """
     keys, found = declared_keys(arguments), dict(layout or {})
     # a log without declared units is in SI, and increments declare theirs
@@ -73,9 +73,9 @@ def raw_units(calibration=None):
 
 
 def log_samples(log, arguments, folder, calibration=None):
-    """Return the samples file of a log, and its quality figures as far as there are any.
+    """Return the path of the samples of a log, and the content of its quality.json, if any.
 
-    Samples as ingest wrote them are taken as they are; of a raw log they go to the folder.
+    A samples.parquet of ingest is used as it is; a raw log is read into `folder`.
     """
     paths = files_of(log)
     for path in paths:
@@ -93,6 +93,7 @@ def log_samples(log, arguments, folder, calibration=None):
     full_scale = known.get("full_scale", {}) | figures["full_scale"]
 
     def read(layout=None):
+        """Ingest the log with the declaration `layout`; return samples path and quality."""
         ingest(
             device=calibration.device if calibration else "log",
             session=name_of(log),
@@ -110,7 +111,7 @@ def log_samples(log, arguments, folder, calibration=None):
         return samples, read_json(quality)
 
     if known and known.get("format") in (None, _format(log)):
-        # one without these columns is read as if nothing were known
+        # a log without the columns of the calibration's log is read without its declaration
         with suppress(ImuloopError):
             return read(known)
     return read()
@@ -139,7 +140,7 @@ def refuse_rejected(log, quality):
 
 
 def segmented(samples, kind, rails, stuck):
-    """Return the kind of a log and its segments; poses if it has several and no kind is given."""
+    """Return the kind of a log and its segments; without a kind, several poses decide it."""
     how = kind or "multi_position"
     segments, found = segment_session(samples, how, SegmentSettings(), rails, stuck)
     if kind or found["poses"] > 1:

@@ -38,10 +38,10 @@ EXAMPLE = """examples:
   imuloop noise night.csv
   imuloop noise night.bag -o results/noise
 
-Angle and velocity random walk N, bias instability B and random walk K of a log at rest, with
-intervals; hours of it for B and K. With -o noise.json, allan.csv, the Allan deviations as SVG, and
-the files that Kalibr, OpenVINS, VINS-Fusion, ORB-SLAM3, allan_variance_ros and ROS read."""
-# what needs no calibration; OpenVINS wants matrices, and gets the matrices of a perfect sensor
+Prints angle and velocity random walk N, bias instability B and random walk K of a log at rest, with
+intervals; B and K need hours of rest. -o writes noise.json, allan.csv, the Allan deviations as SVG,
+and the files that Kalibr, OpenVINS, VINS-Fusion, ORB-SLAM3, allan_variance_ros and ROS read."""
+# formats with no other needs take no calibration; OpenVINS takes matrices, here of a perfect sensor
 NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
 
 
@@ -84,7 +84,7 @@ def run(arguments):
 
 
 def written(folder, session, found):
-    """Write a session's NoiseResult and curves and the files of other tools; return the paths."""
+    """Write `found`, a NoiseResult, its curves and other tools' files; return their paths."""
     name = session.name
     found.to_json(folder / "noise.json")
     paths = [folder / "noise.json"]

@@ -14,7 +14,7 @@ OF_UNIT = ("acceleration", "angular_rate", "time", "temperature")
 
 def add_arguments(command):
     """Add the options that declare a log; `declared_keys` returns their values."""
-    group = command.add_argument_group("the log, where it does not say so itself")
+    group = command.add_argument_group("what the log does not say itself")
     group.add_argument(
         "--set",
         nargs="+",
@@ -44,27 +44,27 @@ def add_arguments(command):
         type=counts,
         default=[],
         metavar="QUANTITY=SCALE,OFFSET",
-        help="SI units a count and count of zero, for acceleration and angular_rate",
+        help="for acceleration and angular_rate: SI units per count, and the count at zero",
     )
     group.add_argument(
         "--sensor",
         metavar="NAME",
-        help="of those that imuloop sensors lists: counts, full scale, tolerances and noise of its "
-        "data sheet",
+        help="a name that imuloop sensors lists: its data sheet gives counts, full scale, "
+        "tolerances and noise",
     )
     group.add_argument(
         "--range",
         type=ranges,
         default={},
         metavar="RANGE,RANGE",
-        help="of the sensor, where it has several: '16 g,2000 deg/s'",
+        help="full scales, if the sensor has several: '16 g,2000 deg/s'",
     )
-    group.add_argument("--rate", type=float, metavar="HZ", help="where the log has no time column")
+    group.add_argument("--rate", type=float, metavar="HZ", help="of a log without a time column")
     group.add_argument("--format", help="default: from the file's name and first bytes")
 
 
 def declared_keys(arguments):
-    """Return the keys of a device, as in a config, that the options of a command give."""
+    """Return the keys of a device's entry in a config that the options of a command give."""
     keys = {}
     for quantity, names in arguments.columns:
         put(keys, f"columns.{quantity}", names)
@@ -116,13 +116,13 @@ def counts(text):
     try:
         scale, offset = map(float, f"{values},0".split(",")[:2])
     except ValueError as error:
-        what = "acceleration=SCALE,OFFSET (SI a count)"
+        what = "acceleration=SCALE,OFFSET (SI per count)"
         raise argparse.ArgumentTypeError(f"{text} is not {what}") from error
     return quantity, {"scale": scale, "offset": offset}
 
 
 def ranges(text):
-    """Return the quantity, by the unit, and each range of an argument ``16 g,2000 deg/s``."""
+    """Return each range of an argument ``16 g,2000 deg/s`` by its quantity, known by the unit."""
     found = {}
     for part in text.split(","):
         unit = part.strip().lstrip("±.0123456789 ")
@@ -138,6 +138,7 @@ def between(low, high, count=1):
     """Return a function that reads an argument: a number in a range, or several."""
 
     def number(text):
+        """Return the number of an argument, or a tuple of `count` numbers."""
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

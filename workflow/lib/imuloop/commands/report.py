@@ -13,8 +13,8 @@ EXAMPLE = """examples:
   imuloop report poses.csv -o report.html
   imuloop report multi_position=poses.csv static=night.csv -o report.html --keep results
 
-The whole chain on the logs of one device, with default settings. For several devices, other
-settings, and to repeat only what has changed, write a config and use the workflow."""
+Runs all stages on the logs of one device, with default settings. For several devices, for other
+settings, or to repeat only what has changed, write a config and use the workflow."""
 
 
 def add(commands, **how):
@@ -28,8 +28,8 @@ def add(commands, **how):
         "--keep",
         type=Path,
         metavar="FOLDER",
-        help="keep calibration.json, noise.json, exports and all else there; without, the report "
-        "alone is kept",
+        help="folder in which to keep calibration.json, noise.json, exports and all other results; "
+        "default: only the report is kept",
     )
     command.set_defaults(run=run)
 

@@ -5,12 +5,12 @@ from functools import lru_cache
 
 import numpy as np
 
-# s: from the step of a filter's update to the time over which it follows a bias
+# averaging times of the bound, s: from a filter's update step to the time in which it tracks a bias
 SHORTEST, LONGEST = 0.1, 1000.0
 RANGE = f"{SHORTEST:g} s to {LONGEST:g} s"
-# times at which the bound holds; between two of them it falls short by less than 1e-3
+# number of times at which the bound holds; between them the sum may be too small by up to 1e-3
 POINTS = 201
-# what lies above by such a share of the curve is rounding
+# an excess below this share of the curve is rounding
 ROUNDING = 1e-12
 
 
@@ -22,15 +22,16 @@ def bounding(noise):
         N^2/\tau + K^2 \tau/3 \ge \sigma^2(\tau),
         \quad 0.1\,\mathrm{s} \le \tau \le 1000\,\mathrm{s}
 
-    with N and K at least the values of the axis, or their 95 % upper limits. The pair exceeds the
-    curve least among all such pairs: the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over
-    times evenly spaced in :math:`\log\tau` is smallest, a linear program in :math:`N^2, K^2`.
+    `noise` is an AxisNoise whose N and K have a value or a 95 % upper limit; σ²(τ) is its Allan
+    variance. The returned N and K, in its units, are not below its own. Of all such pairs, the
+    returned one exceeds the curve least: the sum of
+    :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over times evenly spaced in :math:`\log\tau` is
+    smallest, a linear program in :math:`N^2, K^2`.
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
-    deterministic, but a filter has no state for it and sees a bias that moves. Lines are not: they
-    average out beyond their period, and a walk as large would take a vibration for a bias.
-
-    Takes an AxisNoise with N and K known, or limited; N and K are in its units.
+    deterministic, but a filter has no state for it and sees a bias that moves. Lines are not
+    bounded: they average out beyond their period, and a random walk that bounds them would make a
+    filter take vibration for a bias.
 
     References
     ----------
@@ -44,14 +45,14 @@ def bounding(noise):
     above = excess > ROUNDING * curve
     if not above.any():
         return noise.N.size, noise.K.size
-    # loads for a quarter of a second, and white noise and walk alone have no need of it
+    # imported here, as loading takes a quarter of a second and is needed only from here on
     from scipy.optimize import linprog
 
-    # rows are scaled by the missing variance and columns by their size: tolerances are absolute
+    # the solver's tolerances are absolute: scale rows by the missing variance, columns by size
     rows = units[above] / excess[above, None]
     size = np.exp(np.log(rows).mean(axis=0))
     cost = (units / curve[:, None]).sum(axis=0) / size
     added = linprog(cost / cost.max(), -rows / size, -np.ones(len(rows))).x / size
-    # from within the solver's tolerance onto the bound
+    # the solution may violate the bound within the solver's tolerance: scale it onto the bound
     added /= (rows @ added).min()
     return tuple(np.where(added > 0, np.sqrt(own**2 + added), own).tolist())

@@ -1,11 +1,11 @@
-"""The effects of a sensor as C expressions, which the function of a header subtracts."""
+"""C expressions of the effects of a sensor; the function in the exported header subtracts them."""
 
 from imuloop.effects.axes import AXES
 from imuloop.effects.products import OUTPUTS, Product
 from imuloop.export.text import number
 from imuloop.export.values import BIAS
 
-# what element (i, j) of an effect's matrix multiplies
+# for effects with a matrix, the C expression that element (i, j) multiplies
 MATRICES = {
     "g_sensitivity": "f[{1}]",
     "rate_sensitivity": "w[{1}]",
@@ -15,7 +15,7 @@ CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 
 
 def needs_rate(sensor):
-    """Return whether the function of a sensor takes the angular rate and its change."""
+    """Return whether the C function of a sensor takes the angular rate and its derivative."""
     of_rate = {"lever_arm", "rate_sensitivity"}
     return sensor["name"] == "accelerometer" and any(
         fitted.name in of_rate or (fitted.name == Product.name and "w" in fitted.effect.formula)
@@ -24,12 +24,16 @@ def needs_rate(sensor):
 
 
 def subtracted(sensor):
-    """Return (fitted effect, [(axis, expression)]) of what C can compute without a past."""
+    """Return the effects of a sensor that C can compute from one sample.
+
+    Each is a FittedEffect and a list of pairs: the index of an axis, and the C expression to
+    subtract from it.
+    """
     return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
-    """Return axis and expression of each parameter times its factor."""
+    """Return a pair for each parameter of a FittedEffect: index of the axis, C expression."""
     found = []
     if fitted.name == Product.name:
         return [_product(fitted)]
@@ -37,29 +41,29 @@ def _effect(fitted):
         row, column = divmod(k, 3)
         axis = row if fitted.name in MATRICES else column
         if fitted.name in MATRICES:
-            factors = [_held(fitted, name, MATRICES[fitted.name].format(row, column))]
+            factors = [_clamped(fitted, name, MATRICES[fitted.name].format(row, column))]
         elif fitted.name == BIAS:
-            # the temperature is held, then raised to its power
-            factors = [_held(fitted, f"c1{AXES[axis]}", _warmer(fitted))] * (row + 1)
+            # the temperature is clamped, then raised to its power by as many equal factors
+            factors = [_clamped(fitted, f"c1{AXES[axis]}", _warmer(fitted))] * (row + 1)
         else:
-            factors = [_held(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
+            factors = [_clamped(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
         found.append((axis, " * ".join([number(fitted.values[name]), *factors])))
     return found
 
 
 def _product(fitted):
-    """Return axis and expression of a product of outputs and temperature."""
+    """Return the index of the axis and the C expression of a product of outputs and temperature."""
     (name,), texts = fitted.effect.parameters, []
     for factor in fitted.effect.factors:
         letter = "o" if factor[0] == OUTPUTS[fitted.effect.sensor] else factor[0]
         of_output = factor != "θ" and f"{letter}[{AXES.index(factor[2])}]"
         texts.append(of_output or _warmer(fitted))
-    product = _held(fitted, name, " * ".join(texts))
+    product = _clamped(fitted, name, " * ".join(texts))
     return AXES.index(fitted.effect.axis), f"{number(fitted.values[name])} * {product}"
 
 
-def _held(fitted, name, expression):
-    """Return the factor of a parameter, held to the range in which it was seen."""
+def _clamped(fitted, name, expression):
+    """Return the C expression of a parameter's factor, clamped to the range of the fitted data."""
     if name not in fitted.ranges:
         return expression
     low, high = map(number, fitted.ranges[name])
@@ -67,4 +71,5 @@ def _held(fitted, name, expression):
 
 
 def _warmer(fitted):
+    """Return the C expression of the temperature above the reference temperature of an effect."""
     return f"(temperature - {number(fitted.effect.reference_temperature)})"

@@ -1,4 +1,4 @@
-"""Noise coefficients as a tool takes them: always a number, of samples as logged or calibrated."""
+"""Noise coefficients for other tools: always a number, for samples as logged or calibrated."""
 
 from dataclasses import dataclass, replace
 
@@ -18,8 +18,9 @@ UNITS = {
 class Density:
     """A noise coefficient, SI, with its axis or channel.
 
-    The estimate, or the one-sided 95 % upper `limit` of a term that was not seen; `raised_from`
-    that, where the value is larger so that N and K bound the Allan curve.
+    `value` is the estimate, or the one-sided 95 % upper limit if `limit`, that is, if the term was
+    not seen. If `value` was raised so that N and K bound the Allan curve, `raised_from` is the
+    estimate or limit before.
     """
 
     value: float
@@ -29,7 +30,7 @@ class Density:
 
     @property
     def words(self):
-        """The words of a comment on it."""
+        """The words of a comment on the value."""
         words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
         if self.raised_from is not None:
             words += f"; raised from {self.raised_from:.3g} so that N and K bound its Allan curve"
@@ -37,7 +38,7 @@ class Density:
         return words
 
     def times(self, factor):
-        """Return the density in another unit."""
+        """Return the density with value and `raised_from` multiplied by a factor."""
         raised_from = None if self.raised_from is None else self.raised_from * factor
         return replace(self, value=self.value * factor, raised_from=raised_from)
 
@@ -56,15 +57,17 @@ def for_filter(noise, axis, term):
 
 
 def of_calibrated(sensor, densities):
-    """Return densities of calibrated samples, of a SensorCalibration and those as logged.
+    """Return the densities of calibrated samples, given a SensorCalibration and those as logged.
 
-    Of axes that are independent, ``N_i^2 = Σ_j M_ij^2 N_j^2`` with M = T K over the nominal scale;
-    bounds of the Allan curves as logged then bound the curves of calibrated samples.
+    Axis i of the calibrated samples has ``N_i^2 = Σ_j M_ij^2 N_j^2``, as the noise of the axes is
+    independent. M, (3, 3), is T K over the nominal scale. Values that bound the Allan curves as
+    logged become values that bound the curves of calibrated samples.
     """
     at = [AXES.index(density.axis[-1]) for density in densities]
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
 
     def through(values):
+        """Return values of calibrated axes, given values of the axes as logged."""
         return np.sqrt(M**2 @ np.square(values)).tolist()
 
     values = through([d.value for d in densities])

@@ -30,7 +30,7 @@ class ExportFormat(NamedTuple):
 
     file: str
     title: str  # the tool
-    needs: tuple[str, ...]  # needs without which it is not written, as in `reasons`
+    needs: tuple[str, ...]  # parts that the file needs, by their names in `reasons`
 
     def text(self, exported):
         """Return the text of an `Exported`; raise Lacking if a need of the file is missing."""
@@ -50,7 +50,7 @@ FORMATS = tuple(
 
 @cache
 def environment():
-    """Return the environment of the templates: values as `written`, a missing one is an error."""
+    """Return the environment of the templates, in which a missing value is an error."""
     found = Environment(
         loader=PackageLoader("imuloop", "templates/export"),
         undefined=StrictUndefined,
@@ -65,18 +65,18 @@ def environment():
 
 
 def render(file, content):
-    """Return the text of a file, its template filled in."""
+    """Return the text of a file: its template with the values of the dict `content`."""
     return environment().get_template(f"{file}.j2").render(content)
 
 
 def read_exported(device, label, calibration, noise, quality, diagnosis=None):
-    """Return a device as the formats take it, from its JSON files.
+    """Return the `Exported` of a device, given the paths of its JSON files.
 
-    The quality of its sessions gives the temperatures, and the rate where the noise has none; the
-    diagnosis gives clock and place relative to a reference.
+    `quality` are the paths of its sessions' quality.json, which give the temperatures, and the rate
+    if noise.json has none. `diagnosis` gives time offset and lever arm relative to a reference.
     """
     content, found = read_json(noise), Calibration.from_json(calibration)
-    # without any noise it is not known which sensors the logs hold
+    # noise.json without rates does not tell which sensors the logs hold
     held = content.get("rates_hz") or SENSORS
     used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
     reference = reference_parameters(read_json(diagnosis), used) if diagnosis else {}
@@ -98,8 +98,9 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
 def reference_parameters(diagnosis, qualities):
     """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
 
-    Takes the content of diagnosis.json and of each session's quality.json. A reference whose clock
-    began apart has no offset that holds in the next recording.
+    `diagnosis` is the content of diagnosis.json, `qualities` that of each session's quality.json.
+    The time offset is left out if the reference has a clock of its own, as the next recording has
+    another offset.
     """
     own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in qualities)
     return {
@@ -111,7 +112,7 @@ def reference_parameters(diagnosis, qualities):
 
 
 def export_files(exported):
-    """Return the text of each file by its name; README.txt says which are not there and why."""
+    """Return the text of each file by its name; README.txt says which are missing and why."""
     files, written, left_out = {}, [], []
     for each in FORMATS:
         try:
@@ -124,7 +125,7 @@ def export_files(exported):
 
 
 def write_exports(folder, files):
-    """Write the files into `folder`, in place of its earlier content, and a list of them.
+    """Write `files`, texts by name, into `folder` in place of its content, and a list of them.
 
     The list, ``exports.json`` next to the folder, holds the SHA-256 of each file by its name.
     """
@@ -138,6 +139,6 @@ def write_exports(folder, files):
 
 
 def listed(path):
-    """Return the file name and the tool of each export in a device's list of them."""
+    """Return the file name and the tool of each export that the list at `path` names."""
     names = read_json(path)["sha256"]
     return [(each.file, each.title) for each in FORMATS if each.file in names]

@@ -1,4 +1,4 @@
-"""What single tools compute otherwise than we do: each function takes values of a sensor."""
+"""Values in the conventions of single tools; each function takes the values of a sensor."""
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -13,10 +13,10 @@ STANDARD = 25.0
 
 
 def bias_polynomial(sensor, reference):
-    """Return the bias that follows the temperature, about another temperature, degC, shape (4, 3).
+    """Return the coefficients of the bias over temperature about `reference`, degC, (4, 3).
 
-    ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3: the effect `bias_temperature`, exactly; SI of
-    the output ``K (raw - b)`` per K^k, zeros without such an effect.
+    ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3, equals the effect `bias_temperature`. c_ki is
+    in SI units of the output ``K (raw - b)`` per K^k, 0 without such an effect.
     """
     total = np.zeros((TERMS, 3))
     for fitted in sensor[BIAS]:
@@ -29,9 +29,9 @@ def bias_polynomial(sensor, reference):
 
 
 def rotation_and_upper(gyroscope):
-    """Return Q and U of the gyroscope's ``T K = Q U``, K over the nominal: OpenVINS' model rpng.
+    """Return Q and U, (3, 3) each, of the gyroscope's ``T K = Q U``, for OpenVINS' model rpng.
 
-    Q is a rotation, U upper triangular with a positive diagonal; shape (3, 3) each.
+    K is over the nominal scale. Q is a rotation, U upper triangular with a positive diagonal.
     """
     rotation, upper = np.linalg.qr(gyroscope["T"] * gyroscope["scale"])
     signs = np.sign(np.diag(upper))
@@ -39,13 +39,14 @@ def rotation_and_upper(gyroscope):
 
 
 def size_effect(accelerometer):
-    """Return Kalibr's ``ry_i`` and ``rz_i``, arms in m from where the x axis sits; () without.
+    """Return Kalibr's ``ry_i`` and ``rz_i``, m, or () without a lever arm.
 
-    With f and w on our axes where the x axis sits, I_i to pick component i, M = (T K)^-1::
+    They are the vectors from the x axis of the accelerometer to its y and z axes. With specific
+    force f and angular rate w at the x axis, I_i that picks component i, and M = (T K)^-1::
 
         f_logged = M (f + Σ_i I_i (dw/dt × ri_i + w × (w × ri_i))) + b
 
-    Ours differs by misalignment times arm. Kalibr: IccSensors.py,
+    Our model differs from this by misalignment times arm. Kalibr: IccSensors.py,
     IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
     """
     for fitted in (e for e in accelerometer["effects"] if e.name == "lever_arm"):
@@ -58,10 +59,12 @@ def imu_sensor(sensor):
     """Return the values of MATLAB's imuSensor: bias, misalignment and slope of the temperature.
 
     ``reading = M u + ConstantBias + (θ - 25) TemperatureBias + noise`` with M =
-    AxesMisalignment/100, u the true angular rate, or gravity less acceleration: -f, so that its
-    bias has the other sign. From ours, x = T (K (raw - b) - e), the logged SI value is
-    ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI. The slope is TemperatureBias, at the effect's own
-    temperature; its ``curvature``, (2, 3), the part of e that is not carried.
+    AxesMisalignment/100. u is the true angular rate, or gravity less acceleration, which is minus
+    the specific force, so that the accelerometer's bias changes its sign. From our model,
+    x = T (K (raw - b) - e), the logged SI value is
+    ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI. ``slope`` is TemperatureBias, the
+    slope of e at the effect's reference temperature; ``curvature``, (2, 3), are the terms of e in
+    θ² and θ³, which imuSensor does not take.
     """
     scale, bias = sensor["scale"], sensor["offset"]
     sign = -1.0 if sensor["name"] == "accelerometer" else 1.0

@@ -1,4 +1,4 @@
-"""Numbers and words as text of a file."""
+"""Numbers and words as text of an exported file: the filters of its templates."""
 
 import re
 
@@ -12,7 +12,7 @@ FILTERS = ("braces", "float32", "identifier", "in_c", "rows")
 def number(value):
     """Return the shortest text that reads back as the same float64.
 
-    With a point in the mantissa: YAML 1.1 takes ``1e-05`` for a word.
+    The mantissa has a point, because YAML 1.1 takes ``1e-05`` for a word.
     """
     text = repr(float(value))
     mantissa, e, exponent = text.partition("e")
@@ -20,12 +20,12 @@ def number(value):
 
 
 def numbers(values, separator=", "):
-    """Return an array's numbers row by row in one line."""
+    """Return the numbers of an array, row by row, in one line of text."""
     return separator.join(map(number, np.ravel(values)))
 
 
 def written(value):
-    """Return a value as a template writes it: any text stays on its line, a float is exact."""
+    """Return a value as a template writes it: text in one line, floats without rounding."""
     if isinstance(value, str):
         return one_line(value)
     return str(value) if isinstance(value, int) else numbers(value)
@@ -37,21 +37,21 @@ def float32(value):
 
 
 def rows(matrix):
-    """Return a matrix as MATLAB takes it."""
+    """Return the inside of a MATLAB matrix literal: rows separated by semicolons, no brackets."""
     return "; ".join(numbers(row, " ") for row in np.atleast_2d(matrix))
 
 
 def braces(values):
-    """Return an array of three numbers or of three rows as C takes it."""
+    """Return an array, (n,) or (n, m), as a C initialiser in braces."""
     inside = map(braces, values) if np.ndim(values) > 1 else map(number, values)
     return f"{{{', '.join(inside)}}}"
 
 
 def in_c(text):
-    """Return text for a C comment, which it neither ends nor opens."""
+    """Return text for the inside of a C comment, without marks that end or open a comment."""
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", one_line(text))
 
 
 def identifier(text):
-    """Return a name of C and MATLAB."""
+    """Return text as a name that C and MATLAB accept."""
     return re.sub(r"\W", "_", text, flags=re.ASCII)

@@ -13,7 +13,7 @@ from imuloop.export.bound import RANGE
 from imuloop.export.densities import UNITS, estimated, for_filter, of_calibrated
 from imuloop.model.calibration import Calibration
 
-# what follows K (raw - b) by the contract; every file says it
+# the model of a calibration, which every file states
 MODEL = "x = T (K (raw - b) - e)"
 # effects that several formats have a place for
 BIAS, G = "bias_temperature", "g_sensitivity"
@@ -22,7 +22,7 @@ VALUE = attrgetter("value")
 
 @dataclass(frozen=True)
 class Exported:
-    """What is exported of a device."""
+    """The results of a device from which the formats are written."""
 
     device: str
     label: str  # untrusted text
@@ -41,7 +41,7 @@ class Exported:
 
 
 def reasons(exported):
-    """Return the missing needs of formats with the reasons; empty if a device has them all.
+    """Return the needs of formats that a device lacks, by name, each with the reason in words.
 
     Needs are the ``calibration`` of either sensor, the calibration of one sensor by its name,
     ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. The noise of a sensor that
@@ -66,8 +66,8 @@ def reasons(exported):
 def values(exported):
     """Return the plain values of a device for the templates, each sensor's by its name.
 
-    A coefficient of noise that is not known has no entry: a format names it as its need, see
-    `reasons`. A sensor that the logs lack has none either.
+    A noise coefficient without a value or limit has no entry, nor has a sensor that the logs lack.
+    A format that takes such a value lists it among its needs, and is then not written.
     """
     calibration = exported.calibration
     sensors = {name: sensor_values(exported, name) for name in exported.sensors}
@@ -90,13 +90,14 @@ def values(exported):
 
 
 def sensor_values(exported, name):
-    """Return the values of a sensor; z is the SI value that a raw one nominally stands for.
+    """Return the values of a sensor by name, for the templates.
 
-    ``scale`` and ``offset``, (3,): ``K (raw - b) = scale (z - offset)``, near 1 and in SI.
-    ``temperatures``: between which its bias was seen to follow them, degC, else the temperatures of
-    the logs. ``logged``, ``calibrated``: `Density` of each axis by coefficient; ``worst``,
-    ``worst_logged``: the largest N and K that a filter needs for an axis. ``Tg``, (3, 3), times
-    specific force on the body's axes is added to z. The effects are `FittedEffect`.
+    z is the raw value in nominal SI, that is, times the scale of the data sheet. ``scale``, near 1,
+    and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``. ``temperatures``: the range
+    of the data that ``bias_temperature`` was fitted to, degC, else of the logs. ``logged`` and
+    ``calibrated``: by coefficient, the `Density` of each axis. ``worst`` and ``worst_logged``: the
+    largest N and K of the axes, raised for a filter. ``Tg``, (3, 3): times specific force on the
+    axes of the body, it is the rate that the force adds to z. The effects are `FittedEffect`.
     """
     sensor, axes = exported.sensor(name), SENSORS[name]
     scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
@@ -125,7 +126,10 @@ def sensor_values(exported, name):
 
 
 def noise_values(sensor, noise):
-    """Return the noise of `sensor_values`, of a SensorCalibration and an AxisNoise by axis."""
+    """Return densities as logged and calibrated, of each axis and the worst axis.
+
+    `sensor` is a SensorCalibration, `noise` an AxisNoise by channel.
+    """
     known = [t for t in "NKB" if all(getattr(own, t).size is not None for own in noise.values())]
     both = "NK" if {*"NK"} <= {*known} else ""
     logged = {t: [estimated(own, axis, t) for axis, own in noise.items()] for t in known}
@@ -141,8 +145,9 @@ def noise_values(sensor, noise):
 def left_out(sensor, name):
     """Return the parts of a SensorCalibration that a format may not carry.
 
-    The first has the largest ``angle`` of T, deg; the others the ``equation`` of an effect, the
-    ``largest`` parameter by its unit and the ``constants``. All have a ``name``.
+    Each is a dict with a ``name``. Misalignment comes first, unless T is the identity; its
+    ``angle`` is the largest element of T, deg. An effect has its ``equation``, its ``constants``
+    and, by unit, the size of its ``largest`` parameter.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
     parts = [{"name": "misalignment", "angle": angle}] if angle else []
@@ -156,7 +161,7 @@ def left_out(sensor, name):
 
 
 def common(spans):
-    """Return the lowest and highest value that all ranges have; None if any is unknown."""
+    """Return the ends of the intersection of ranges; None if it is empty or a range is unknown."""
     if not spans or None in spans:
         return None
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
@@ -164,18 +169,24 @@ def common(spans):
 
 
 def seen_range(fitted, names, offset=0.0):
-    """Return the lowest and highest derivative by parameters that was seen, None if unknown."""
+    """Return the common range of the derivatives with respect to parameters; None if unknown.
+
+    The range is that of the fitted data; `offset` is added to both ends.
+    """
     found = common([fitted.ranges[name] for name in names if name in fitted.ranges])
     return found and (offset + found[0], offset + found[1])
 
 
 def temperature_range(fitted):
-    """Return between which temperatures `bias_temperature` was seen, degC; None if unknown."""
+    """Return the range of temperatures that `bias_temperature` was fitted to, degC, or None."""
     return seen_range(fitted, [f"c1{axis}" for axis in AXES], fitted.effect.reference_temperature)
 
 
 def seen_words(fitted):
-    """Return in which range `bias_temperature` or `g_sensitivity` was seen; None if unknown."""
+    """Return in words the range of the data that an effect was fitted to; None if unknown.
+
+    The effect is `bias_temperature` or `g_sensitivity`.
+    """
     if fitted.name == BIAS:
         span = temperature_range(fitted)
         return span and f"{BIAS} was seen from {span[0]:g} to {span[1]:g} degC"

@@ -15,28 +15,27 @@ from imuloop.report.findings import ABOVE, blocks
 from imuloop.report.page import phrase
 from imuloop.report.units import MILLIRADIAN, data_sheet
 
-# share of the moves or rests that are spoiled, and of the rests that are too short, that is worth
-# a step
+# a step is worthwhile above this share of spoiled moves or rests, and of rests that are too short
 MANY, MANY_SHORT = 0.1, 0.2
-# span of a temperature that shows anything, K, and its correlation with time from which on a fit
-# cannot tell temperature from time
+# the least span of temperature that can show an effect, K, and the correlation of temperature with
+# time from which on a fit cannot tell one from the other
 SPAN_K, MONOTONE = 2.0, 0.9
 # an error matters if it exceeds the noise of a mean of one second by this factor
 MATTERS = 2.0
-# share of a standard error that one rest or turn has to take away to be worth its while
+# a further rest or turn is worthwhile if it lowers a standard error by this share
 NOTICEABLE = 0.01
 # a longer record is asked for up to this length, s, if the longest is shorter by a tenth
 LONG_RECORD, NEARLY = 2 * HOUR, 0.9
-# a warning of ingest on a declaration, in the words of a config, of the command line or Python
+# matches a warning of ingest about a declaration, by a key of the config or an option
 DECLARED = re.compile(r"see (units|--\S+-unit)")
 
 
 def next_step(device):
     """Return the most useful next step in words.
 
-    A fault of a recording comes first, hours at rest come last: they show noise alone. Among equals
-    the largest gain is first. The gain is a share: of a standard error, of a residual above its
-    floor, of an upper limit; it is 1 if a recording is missing.
+    A fault of a recording comes first; hours at rest come last, as they show noise alone. Among
+    steps of one rank, the one with the largest gain comes first. A gain is the share by which the
+    step may lower a standard error or a residual; it is 1 if a recording is missing.
     """
     mend = (_rejected, _doubted, _first_session, _clipped, _short_rests, _tilted_rests)
     record = (_missing, _limit, _hole, _heat_and_cool)
@@ -54,6 +53,7 @@ def next_step(device):
 
 
 def _rejected(device):
+    """Yield the step to record each rejected session again, or to correct its declaration."""
     for s in device.sessions:
         if s.rejected:
             code = "correct" if s.quality["misdeclared"] else "record_again"
@@ -61,13 +61,14 @@ def _rejected(device):
 
 
 def _doubted(device):
+    """Yield the step to check each declaration that ingest questions."""
     for s in device.used:
         for text in filter(DECLARED.search, s.quality["warnings"]):
             yield 1.0, "doubted", {"session": s.name, "text": text}
 
 
 def _first_session(device):
-    """Yield that no multi_position session has enough poses to test."""
+    """Yield the step to record a multi_position session, if there are too few poses to test."""
     sessions = [s for s in device.sessions if s.kind == "multi_position"]
     # a rejected one has its own step, which asks for the same
     if sum(s.poses for s in sessions) < TESTABLE and not any(s.rejected for s in sessions):
@@ -76,6 +77,7 @@ def _first_session(device):
 
 
 def _clipped(device):
+    """Yield the step to avoid saturation in each session that has it."""
     for s in device.used:
         counts = {k: v for k, v in s.quality["clipped"].items() if v}
         seen = s.quality["faults"].get("clipped_at", {})
@@ -86,6 +88,7 @@ def _clipped(device):
 
 
 def _short_rests(device):
+    """Yield the step to hold rests longer in each session with many short ones."""
     for s in device.used:
         short, used = s.segmentation.get("short_rests", 0), s.segmentation.get("shorter")
         every = short + (s.segments["pose"] >= 0).sum()
@@ -94,6 +97,7 @@ def _short_rests(device):
 
 
 def _tilted_rests(device):
+    """Yield the step to rest more firmly in each session with many tilted rests."""
     for s in device.used:
         tilted, rests = s.segmentation.get("tilted_rests", 0), (s.segments["pose"] >= 0).sum()
         if tilted > MANY * rests:
@@ -144,14 +148,14 @@ def _limit(device):
 
 
 def _display(now):
-    """Return the unit of the parameter of a next step."""
+    """Return the `Display` of the parameter of a next step."""
     if now["parameter"][0] == "T":
         return MILLIRADIAN
     return data_sheet("1" if now["parameter"][0] == "K" else OUTPUT[now["sensor"]])
 
 
 def _hole(device):
-    """Yield the region of the sphere that has no pose."""
+    """Yield the step to add poses in the largest region of the sphere without a pose."""
     directions = pose_directions(device).get("multi_position")
     if directions is not None:
         up, angle = largest_hole(directions)
@@ -160,7 +164,7 @@ def _hole(device):
 
 
 def _heat_and_cool(device):
-    """Yield the session in which temperature and time rise together, unless one shows both ways."""
+    """Yield the step to heat and cool, if temperature only rose or only fell in each session."""
     found = []
     for session in device.used:
         if TEMPERATURE not in session.samples:
@@ -182,7 +186,7 @@ def _heat_and_cool(device):
 
 
 def _static_record(device):
-    """Yield that a longer record at rest shows flicker and walk, where only limits are known."""
+    """Yield the step to record longer at rest, if flicker or walk has only an upper limit."""
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
     axes = {}
     for channel, noise in device.axes.items():

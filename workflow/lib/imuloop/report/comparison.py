@@ -27,10 +27,10 @@ COMPARED = ("final", "logged", "after", "floor")
 def summarise(device):
     """Return the content of summary.json, a device's part of the comparison.
 
-    ``values``, rows of the long table; ``filter`` {name: {value, axis, limit, raised_from}}, noise
-    as a filter takes it; ``allan`` {channel: {tau_s, adev}}; ``answers``, ``card``, ``loop``, see
-    `findings`; ``verdicts`` by sensor and kind of data; ``calibrated``, whether there is a
-    calibration to use.
+    ``values`` are rows of the long table; ``filter`` {name: {value, axis, limit, raised_from}} is
+    noise for a filter; ``allan`` is {channel: {tau_s, adev}}; ``answers`` and ``card`` are texts of
+    `findings`, ``loop`` the errors of `loop_errors`; ``verdicts`` are by sensor and kind of data;
+    ``calibrated`` is whether there is a calibration to use.
     """
     found, final = blocks(device.diagnosis), device.calibrations.get("final")
     loop = loop_errors(device, found) if device.calibrations else []
@@ -67,10 +67,10 @@ def summarise(device):
 
 
 def filter_noise(device, final):
-    """Return white noise and random walk as a filter takes them, SI, and the rate of the logs.
+    """Return white noise and random walk for a filter, SI, and the rate of the logs, Hz.
 
-    There is one number per sensor, for the worst axis of calibrated samples: the 95 % upper limit
-    of a term that was not seen, raised if N and K would not bound the Allan curve.
+    Each sensor has one N and one K, of the worst axis of calibrated samples. A term that was not
+    seen has its 95 % upper limit; values are raised if N and K would not bound the Allan curve.
     """
     rates = [s.quality["rate_hz"] for s in device.used]
     content = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
@@ -100,10 +100,10 @@ def columns(sensor):
 
 
 def pivot(summary, sensor):
-    """Return the worst axis of each quantity of a sensor: rows of `Value`, see `worst`.
+    """Return four `Value` rows for each quantity of a sensor, for its worst axis.
 
-    By quantity: the row with the largest value, the row with a limit above it, the noise as
-    logged, and the floor of a residual; None where absent.
+    They are the row with the largest value, the row with an upper limit above that value, the row
+    of the noise as logged, and the row of the floor of a residual; None if absent.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     found = {}
@@ -142,13 +142,13 @@ def _cell(largest, limit, logged, floor, display):
 
 
 def verdict_rank(verdicts):
-    """Return the number that the column of verdicts is sorted by: poses, then other data."""
+    """Return the number by which to sort verdicts: poses count first, then other data."""
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
     return sum(10**k * each for k, each in enumerate(reversed(order)))
 
 
 def filter_cells(summary):
-    """Return a device's rate and its noise as a filter takes it, SI, in digits for programs.
+    """Return the cells of a device's rate, Hz, and its noise for a filter, SI.
 
     White noise and random walk of the accelerometer come before the gyroscope's.
     """

@@ -57,7 +57,7 @@ def finding(found, labels):
 
 
 def spread_table(found):
-    """Return mean and spread of each parameter that devices share."""
+    """Return the table of mean and spread of each parameter that devices share."""
     rows = []
     for name, parameter in parameters().items():
         if one := found["parameters"].get(name):
@@ -83,7 +83,7 @@ def spread_table(found):
 
 
 def odd_table(found, labels):
-    """Return the devices that stand out, and their values."""
+    """Return the table of the devices that stand out, with their values."""
     known, rows = parameters(), []
     for each in found["odd"]:
         parameter, one = known[each["parameter"]], found["parameters"][each["parameter"]]
@@ -95,14 +95,14 @@ def odd_table(found, labels):
         rows.append((labels[each["device"]], parameter.words, unit, text, away, chance))
     columns = ("Device", "Parameter", "Unit", "Value ± 1 σ", "Deviation, σ", "p-value")
     note = (
-        "Deviation from the prediction of the other devices, in standard deviations of the "
-        "prediction; the p-value is that any of all tests deviates as far."
+        "Deviation from the prediction by the other devices, in standard deviations of the "
+        "prediction. The p-value: the chance that any of all tests deviates as far."
     )
     return Table("Devices that stand out", columns, rows, note, sortable=True)
 
 
 def effect_table(found):
-    """Return the effects that some device has, or that all together show."""
+    """Return the table of effects that a device has, or that all devices together show."""
     rows = [
         (
             effect_words(each),

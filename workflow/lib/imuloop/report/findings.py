@@ -15,16 +15,16 @@ from imuloop.report.units import data_sheet
 VERDICTS = (*TESTED, "not_testable")
 # verdicts on a residual above its floor
 ABOVE = ("partly_explained", "unexplained")
-# name for both sensors, in motion: they have the velocity in common
+# name for both sensors together, whose data in motion share the residual of velocity
 BOTH = "sensors"
-# a reduced χ² below this, if it is less likely than that by chance, means that the noise of the
-# record is wrong; upper limits of slow noise lower it to a half only
+# a reduced χ² below FAR_BELOW whose p-value is below UNLIKELY means that the noise of the record is
+# wrong; upper limits of slow noise lower χ² only to a half. A fit has up to MOST_PARAMETERS
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
 # an error that falls by this factor is news
 WORTH_SAYING = 1.1
 # an effect that leaves less than this share of the held-out error is mentioned though rejected
 WORTH_A_WORD = 0.75
-# in place of a record that was not diagnosed
+# stands for a record that was not diagnosed
 UNTESTED = {
     "verdict": "not_testable",
     "why": "no recording of this kind",
@@ -44,11 +44,12 @@ QUOTED = {
 def block_of(diagnosis, sensor, part):
     """Return the diagnosis of a sensor in one kind of data, with its findings.
 
-    ``sensor`` and ``part``; ``words``, the effects in words; ``quoted`` and ``left``, the names of
-    the residuals that fell most and that are farthest above their floors; ``lacking``, name and χ²
-    of the residual that exceeds its noise most; ``too_quiet``, the same of one far below its noise,
-    with its p-value; ``undersampled``; ``tried``, see `_tried`; ``elsewhere``, effects that other
-    data showed.
+    It is the content of diagnosis.json with ``sensor`` and ``part``; ``words``, the effects in
+    words; ``left``, the name of the residual farthest above its floor; ``quoted``, that of the
+    residual that fell most, or ``left`` without effects; ``lacking``, reduced χ² and name of the
+    residual with the largest χ² above 1; ``too_quiet``, name, χ² and p-value of a residual far
+    below its noise; ``undersampled``, what too low a rate adds; ``tried``, whether effects were
+    rejected and the best of them; ``elsewhere``, candidates that other data added.
     """
     if sensor == BOTH:
         block = _of_both(*(block_of(diagnosis, each, part) for each in SENSORS))
@@ -89,7 +90,7 @@ def tested(found):
 def _of_both(force, turn):
     """Return the diagnosis of both sensors in motion, which have the residuals in common."""
     effects, candidates = ([*force[key], *turn[key]] for key in ("effects", "candidates"))
-    # a candidate of one sensor is in the list of the other, as not available
+    # a candidate of one sensor is also in the list of the other, with the status not_available
     by_name = {c["name"]: c for c in reversed(candidates)}
     return force | {"effects": effects, "candidates": list(reversed(by_name.values()))}
 
@@ -101,7 +102,10 @@ def residual_names(block):
 
 
 def _largest(block, sizes):
-    """Return the name of the residual whose size is the most multiples of its floor, or None."""
+    """Return the name of the residual with the largest ratio of its size to its floor, or None.
+
+    `sizes` are by name, in the unit of the floors.
+    """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
     return max(multiples, key=multiples.get, default=None)
@@ -120,9 +124,9 @@ def too_quiet(block):
 
 
 def _tried(block):
-    """Return whether any effect was rejected, and the one that helps most: ``any``, ``best``.
+    """Return a dict: ``any``, whether an effect was rejected, and ``best``, the most helpful one.
 
-    ``best`` is None unless it leaves less than `WORTH_A_WORD` of the held-out error.
+    ``best`` is None unless that effect lowers the held-out error to below `WORTH_A_WORD` of it.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -135,15 +139,15 @@ def _tried(block):
 
 
 def rank(verdict):
-    """Return the place of a verdict from the best news to none."""
+    """Return the index of a verdict in `VERDICTS`, which begin with the best news."""
     return VERDICTS.index(verdict)
 
 
 def answers(found):
     """Return a line for each sensor and kind of data that matters: place, verdict, words.
 
-    A sensor at poses comes first, or at rest if poses were not tested; other data follow where an
-    effect was found or something is missing.
+    The first lines are of each sensor's poses, or of its static record if only that was tested.
+    Lines of other data follow if an effect was found in them or something is missing.
     """
     said = []
     for sensor in SENSORS:
@@ -158,12 +162,16 @@ def answers(found):
 
 
 def grouped(summaries):
-    """Return the answers of the devices, the worst news first, each with the devices it is for."""
+    """Return pairs of answers and the devices that share them, the worst news first.
+
+    `summaries` are the contents of summary.json.
+    """
     groups = {}
     for s in summaries:
         groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
 
     def order(group):
+        """Return the key by which groups are sorted: worst verdict, then size."""
         said, devices = group
         return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(devices)]
 
@@ -173,13 +181,14 @@ def grouped(summaries):
 def card(found, loop, calibration=None):
     """Return the first words on a device, in the same order for every device.
 
-    ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``, pairs of a
-    verdict and the error that is left; ``untested``. `loop` are the errors of `loop_errors`,
+    The texts are ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``,
+    pairs of a verdict and the remaining error in words; ``untested``, what could not be tested, and
+    remarks. `found` are the `blocks` of the device, `loop` the result of `loop_errors`,
     `calibration` is the final one.
     """
     places, effects = {}, {}
     for block in found:
-        # a record of both sensors has the effects of each
+        # a record of both sensors repeats the effects of each sensor, so it is skipped
         for effect in block["effects"] if block["sensor"] != BOTH else ():
             place = places.setdefault(effect_words(effect), [])
             place += {phrase("sensor", b=block)} - {*place}
@@ -206,7 +215,7 @@ def card(found, loop, calibration=None):
 
 
 def fall(error):
-    """Return the factor by which an error is smaller with the effects found."""
+    """Return the factor by which the correction of effects lowers an error of `loop_errors`."""
     return error["calibrated"] / error["final"] if error["final"] else 1.0
 
 
@@ -218,7 +227,7 @@ def told(loop):
 def headline(summaries):
     """Return the main finding of all devices in a line, given summary.json of each.
 
-    It is the error that fell most, or the worst verdict if none fell by `WORTH_SAYING`.
+    It is the largest fall of an error, or the worst verdict if no error fell by `WORTH_SAYING`.
     """
     falls = [(fall(e), e, s) for s in summaries for e in s["loop"] if e["effects"]]
     falls = [each for each in falls if each[0] >= WORTH_SAYING]

@@ -1,4 +1,4 @@
-"""The long table of a device, a row per number, from which tables and comparisons are pivots."""
+"""The long table of a device: a row per number. Tables and comparisons are made from it."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -57,7 +57,7 @@ def long_table(device):
 
 
 def calibration_values(calibrations):
-    """Return the estimated parameters of each calibration, given by its method."""
+    """Return a `Value` for each estimated parameter of each calibration, given by method."""
     rows = []
     for stage, calibration in calibrations.items():
         for name in SENSORS:
@@ -78,7 +78,7 @@ def calibration_values(calibrations):
 
 
 def noise_values(device):
-    """Return the noise coefficients of a device as logged, and before and after a correction."""
+    """Return a `Value` for each noise coefficient: as logged, before and after a correction."""
     rows = []
     for sensor in SENSORS:
         stages = {"logged": of_axes(device.axes, sensor)}
@@ -98,10 +98,10 @@ def noise_values(device):
 
 
 def residual_values(device):
-    """Return the held-out residual of the poses of each sensor.
+    """Return a `Value` for the held-out residuals of poses, and for their floors.
 
-    The quantity ``residual`` is the same kind for all devices, ``quoted`` the kind that the verdict
-    quotes.
+    The quantity ``residual`` is of the same kind for all devices; ``quoted`` is of the kind that
+    the verdict quotes.
     """
     rows = []
     for sensor in SENSORS:

@@ -1,4 +1,4 @@
-"""Numbers as a person reads them: sensible digits, value ± σ, a size with its unit."""
+"""Numbers as text for people: significant digits, value ± σ, a size with its unit."""
 
 import math
 
@@ -19,7 +19,7 @@ def _exponent(value):
 
 
 def _fixed(value, decimals):
-    """Return a number with that many decimals (fewer than 0: rounded to tens, …)."""
+    """Return a number as text with `decimals` decimals; −1 rounds to tens, and so on."""
     text = f"{round(value, decimals):,.{max(decimals, 0)}f}".replace(",", "\u202f")
     if not text.strip("-0.\u202f"):
         text = text.lstrip("-")
@@ -42,7 +42,7 @@ def _tens(exponent):
 
 
 def number(value, digits=3):
-    """Return a number with that many significant digits."""
+    """Return a number as text with `digits` significant digits."""
     if missing(value):
         return NO_NUMBER
     if value == 0:
@@ -55,9 +55,9 @@ def number(value, digits=3):
 
 
 def with_sigma(value, sigma, factor=1.0):
-    """Return ``value ± σ`` in another unit: σ to two digits, the value to the same place.
+    """Return ``value ± σ`` times `factor` as text: σ to two digits, the value to the same place.
 
-    The value alone without a σ.
+    Without a σ the text has only the value.
     """
     if missing(value):
         return NO_NUMBER
@@ -91,7 +91,7 @@ def p_text(p):
 
 
 def percent(share):
-    """Return a share as per cent; one that is almost whole is not rounded to 100."""
+    """Return a share in per cent as text; a share just below 1 gives > 99 %."""
     if missing(share):
         return NO_NUMBER
     text = number(share * 1e2, 2)

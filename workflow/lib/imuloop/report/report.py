@@ -18,7 +18,7 @@ from imuloop.report.figures.loop import loop_picture, reach
 from imuloop.report.findings import grouped, headline
 from imuloop.report.page import RECORDS, WORDS, write_page
 
-# the most devices whose parts are in the report itself; of more each has its own page
+# with more devices than this, the part of each is only on a page of its own
 TOGETHER = 10
 
 
@@ -46,12 +46,12 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         comparison.write_comparison(temporary, devices, failures)
     drawings = Path(comparison_path).with_name("figures")
     drawings.mkdir(exist_ok=True)
-    # one device is compared with none: its own part has its curves
+    # a single device is not compared: its own part has its curves
     allan = allan_comparison(devices if len(devices) > 1 else (), together)
     for picture in allan:
         picture.write(drawings)
     types = read_json(family_path)["types"] if family_path else {}
-    # on one axis they can be compared by eye
+    # all pictures share one axis, so that devices can be compared by eye
     ends = reach([error for d in devices for error in d["loop"]])
     write_page(
         report_path,
@@ -95,7 +95,7 @@ def _section(folder):
 
 
 def verdict_lines(folders):
-    """Return a line per device with its verdicts; of many devices one per group that has them."""
+    """Return a line of verdicts for each device, or for each group of many devices."""
     devices = [read_json(Path(folder) / "summary.json") for folder in folders]
     if len(devices) <= TOGETHER:
         groups = [(device["label"], device["answers"]) for device in devices]
@@ -112,7 +112,7 @@ def verdict_lines(folders):
 
 
 def _filled(content):
-    """Return a mapping without keys that hold nothing."""
+    """Return a mapping without keys whose values are empty, at any depth."""
     if not isinstance(content, Mapping):
         return content
     kept = {key: _filled(value) for key, value in content.items()}

@@ -139,6 +139,7 @@ def read_device(name, label, folder, sessions, data_sheet=None):
 
 
 def _session(folder, kind, spectra):
+    """Return the `SessionResults` of a folder; `spectra` are those of all sessions."""
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
     return SessionResults(
         folder.name,

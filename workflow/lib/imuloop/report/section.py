@@ -1,10 +1,10 @@
-"""A device's part of the report: its section and page, its row of the comparison, its figures."""
+"""The part of a device in the report: its section, page, summary.json and figures."""
 
 import shutil
 
 from markupsafe import Markup
 
-# the library of effects joins by being loaded
+# loading it registers the library of effects
 import imuloop.effects  # noqa: F401
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
@@ -15,17 +15,17 @@ from imuloop.report.comparison import summarise
 from imuloop.report.figures.attitude import attitude_finding
 from imuloop.report.figures.drawing import Picture
 from imuloop.report.findings import blocks, record_title
-from imuloop.report.page import WORDS, phrase, write, write_page
+from imuloop.report.page import RECORDS, WORDS, phrase, write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, read_device
 
 
 def write_section(name, label, folder, sessions, data_sheet=None):
-    """Write a device's section, its page, its row of the comparison and its figures.
+    """Write a device's section, page, summary.json and figures into its folder.
 
     `name` and `label` are as in the config, `folder` is ``results/<device>``, `sessions` gives the
-    kind of each session by its name, `data_sheet` is as in `device_figures`. The label is shown as
-    it is, never as markup.
+    kind of each session by its name, `data_sheet` is the result of `device_figures`. The label is
+    shown as plain text, never as markup.
     """
     device = read_device(name, label, folder, sessions, data_sheet)
     if device.figures.exists():
@@ -89,7 +89,7 @@ def content(device):
 
 
 def diagnosis_part(device, block):
-    """Return the values of the template for a sensor in one kind of data."""
+    """Return the values of the template for the diagnosis of a sensor in one kind of data."""
     made = [tables.steps_table(block)]
     made += [tables.effect_table(block, effect) for effect in block["effects"]]
     if block["part"] == "reference":
@@ -97,11 +97,12 @@ def diagnosis_part(device, block):
     elif block["part"] == "static_record":
         made.append(tables.noise_change_table(device, block["sensor"]))
     return {
-        # where links lead
+        # the target of links
         "identity": f"{device.name}.{block['sensor']}.{block['part']}",
         "title": record_title(block),
+        "place": f"{RECORDS[block['part']]} of the {block['sensor']}",
         "verdict": block["verdict"],
-        # with which the sentence begins
+        # the sentence begins with these words
         "words": block["verdict"].replace("_", " "),
         "sentence": phrase("verdict", b=block),
         "effects": [t for t in made if t],

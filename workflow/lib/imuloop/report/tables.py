@@ -37,7 +37,7 @@ OVER = 60.0
 # status of a candidate effect, best first
 UNTRIED = ("not_observable", "not_available")
 STATUS = ("added", "confounded", "rejected", *UNTRIED)
-# texts of a figure of quality.json that need no row
+# a figure of quality.json that has one of these texts in each session gets no row
 NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"}
 
 
@@ -55,8 +55,9 @@ class Sized(str):
 class Table:
     """A table of the report; the first cell of each row names the row.
 
-    Headers have units, the caption where all cells share one; the note explains the numbers. Cells
-    of a dense table may break into lines. Rows sort by the values of `Sized` cells, else by text.
+    Headers give the units, or the caption does if all cells share one; the note explains the
+    numbers. In a `dense` table the text of cells may break into lines. A reader sorts the rows of a
+    `sortable` table by the values of `Sized` cells, or by their text.
     """
 
     caption: str
@@ -68,7 +69,7 @@ class Table:
 
 
 def parameter_table(device, sensor):
-    """Return a sensor's parameters, a column per method; None if nothing was estimated."""
+    """Return a sensor's table of parameters, a column per method; None if none was estimated."""
     # a method that estimated nothing has no column; the page says why above the table
     methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
     if not methods:
@@ -96,13 +97,13 @@ def parameter_table(device, sensor):
         rows,
         f"A bias is the mean level over the rests of this record{_after_an_hour(device, sensor)}. "
         "Misalignment ij: how much of axis j shows on axis i. A value marked “data sheet” was "
-        "hardly improved by these data. Reduced χ² near 1: as good as the noise allows.",
+        "hardly improved by these data. Reduced χ² near 1: the fit is as good as the noise allows.",
         sortable=True,
     )
 
 
 def _equal(one, other):
-    """Return whether two calibrations have the same parameters: they are shown once."""
+    """Return whether two calibrations have the same parameters, so that one column shows both."""
     pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
     return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
 
@@ -110,9 +111,9 @@ def _equal(one, other):
 def wander(noise, interval, length):
     """Return the standard deviation of the change of the bias between two times, SI.
 
-    It is the difference of two means of the output by flicker, random walk and Gauss-Markov
-    processes, without other noise. `interval` is between the starts of the two means, `length` is
-    the length of each mean, s.
+    The bias at a time is a mean of the output over `length` s from that time on; `interval`, s, is
+    between the two times. Of `noise`, an AxisNoise, only flicker, random walk and Gauss-Markov
+    processes count.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -120,20 +121,20 @@ def wander(noise, interval, length):
 
 
 def _after_an_hour(device, sensor):
-    """Return in words what to add to the standard error of a bias for the next hour, if known."""
+    """Return in words what to add to the standard error of a bias an hour later; may be empty."""
     sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
         return ""
     display = QUANTITIES[sensor]["bias"]
     listed = joined([display.size(size or None, 2) for size in sizes])
-    return f"; an hour later add, in quadrature, ± {listed} {display.unit} by B and K"
+    return f"; to its σ an hour later, add {listed} {display.unit} from B and K, in quadrature"
 
 
 def reasons(device):
     """Return the reasons why parts of the calibration are missing: (method, sensor, reason).
 
-    Left out are a reason that stands with a verdict, and one of the final calibration that an
-    earlier method has.
+    Left out are reasons that a verdict gives, and reasons of the final calibration that an earlier
+    method gives too.
     """
     told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
     lines = {}
@@ -147,7 +148,7 @@ def reasons(device):
 
 
 def model_table(device, sensor):
-    """Return T, K and b of the final calibration as calibration.json stores them."""
+    """Return the table of T, K and b of the final calibration, as stored in calibration.json."""
     s = getattr(device.calibrations["final"], sensor)
     unit = typeset(s.raw_unit.name)
     lines = [(f"T, row {axis}", "1", row) for axis, row in zip(XYZ, s.T, strict=True)]
@@ -166,7 +167,7 @@ def noise_words(sensor, term):
 
 
 def coefficient_table(device, sensor):
-    """Return a sensor's noise coefficients, a column per axis, in units of data sheets."""
+    """Return the table of a sensor's noise coefficients, a column per axis."""
     values, rows = select(noise_values(device), sensor=sensor, stage="logged"), []
     typical = device.data_sheet.get("noise", {}).get(sensor)
     for term in COEFFICIENTS:
@@ -184,13 +185,13 @@ def coefficient_table(device, sensor):
         f"{sensor.capitalize()}: noise coefficients, value ± 1 σ",
         ("Coefficient", "Unit", *XYZ),
         rows,
-        "“<”: not seen in the record, below this number with 95 % confidence. B is the flat part "
+        "“<” is the 95 % upper limit of a term that was not seen in the record. B is the flat part "
         "of the Allan curve divided by 0.664.",
     )
 
 
 def noise_change_table(device, sensor):
-    """Return the noise coefficients before and after the correction; None if nothing changed."""
+    """Return the table of noise coefficients before and after the correction, or an empty list."""
     values, rows = select(noise_values(device), sensor=sensor), []
     for term in COEFFICIENTS:
         display = QUANTITIES[sensor][term]
@@ -205,7 +206,7 @@ def noise_change_table(device, sensor):
 
 
 def steps_table(block):
-    """Return the effects in the order in which they were added; None without any."""
+    """Return the table of effects in the order they were added in, or an empty list."""
     residuals, rows = block["residuals"], []
     for place, effect in enumerate(block["effects"], 1):
         name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
@@ -223,7 +224,7 @@ def steps_table(block):
 
 
 def parameter_rows(effect):
-    """Return the parameters of an effect: name, value ± σ and unit of data sheets."""
+    """Return a row for each parameter of an effect: name, value ± σ, unit as in data sheets."""
     rows, constants = [], effect["constants"]
     sessions, times = constants.get("sessions", ()), constants.get("times", ())
     for name, value in effect["parameters"].items():
@@ -237,7 +238,7 @@ def parameter_rows(effect):
 
 
 def effect_table(block, effect):
-    """Return the parameters ± σ of an effect that was added."""
+    """Return the table of parameters ± σ of an effect that was added."""
     known, rows = Effect.library.get(effect["name"]), parameter_rows(effect)
     if effect["name"] == TurnOnBias.name:
         shown = data_sheet(next(iter(effect["units"].values())))
@@ -249,28 +250,28 @@ def effect_table(block, effect):
     note = f"{known.equation} ({known.reference})." if known else ""
     if block["part"] == "reference":
         note = (
-            "The reference's clock shows t + dt where the log is stamped t; r is the place of the "
-            "IMU from the marker."
+            "The reference's clock shows t + dt where the log is stamped t; r is the vector from "
+            "the marker to the IMU."
         )
     if constants := constants_text(effect["constants"]):
-        note = f"{note} The best of the shapes that were tried: {constants}.".strip()
+        note = f"{note} The best of the variants that were tried: {constants}.".strip()
     place = f"the {block['sensor']} ({RECORDS[block['part']]})"
     title = f"{effect_words(effect)}, added to {place}"
     return Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
 
 
 def set_up_table(block):
-    """Return bias and mounting of each session with a reference; None without any."""
+    """Return the table of bias and mounting of sessions with a reference, or an empty list."""
     rows = []
     for session, content in block.get("set_up", {}).items():
         rows += [(f"{session}, {name}", *cells) for name, *cells in parameter_rows(content)]
-    note = "b is the bias as logged, m the rotation vector from the body to the reference."
+    note = "b: bias as logged. m: rotation vector from the axes of the body to the reference's."
     title = f"{block['sensor'].capitalize()}, sessions with a reference"
     return rows and Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
 
 
 def ranked(block):
-    """Return a diagnosis' candidates: added ones in their order, then by p-value."""
+    """Return the candidates of a diagnosis: by status, added ones in order, others by p-value."""
     order = [effect["name"] for effect in block["effects"]]
     return sorted(
         block["candidates"],
@@ -283,7 +284,7 @@ def ranked(block):
 
 
 def ranking_table(block):
-    """Return the effects that were tried: their status and limits; None if none was tried."""
+    """Return the table of the effects that were tried: status and limits; None if none was."""
     candidates = ranked(block)
     tried = [c for c in candidates if c["status"] not in UNTRIED]
     if not tried:
@@ -296,11 +297,12 @@ def ranking_table(block):
         rank = STATUS.index(c["status"])
         rows.append((effect_words(c), Sized(status, rank), limits or NO_NUMBER))
     if untried := len(candidates) - len(tried):
-        notes.append(f"{plural(untried, 'effect')} more cannot show here: see diagnosis.json.")
+        count = plural(untried, "more effect")
+        notes.append(f"{count} could not be tested with these data; diagnosis.json says why.")
     for pair in block["confounded"]:
         names = frozenset((pair["effect"], pair["with"]))
         words = (effect_words({"name": pair[key]}) for key in ("effect", "with"))
-        pairs.setdefault(names, f"{' and '.join(words)} ({percent(pair['share'])})")
+        pairs.setdefault(names, f"{' and '.join(words)} (share in common {percent(pair['share'])})")
     if pairs:
         notes.append(f"Cannot be told apart in these data: {', '.join(pairs.values())}.")
     title = f"{record_title(block)}: candidate effects, best first"
@@ -309,7 +311,7 @@ def ranking_table(block):
 
 
 def constants_text(constants):
-    """Return the constants of an effect's shape in words."""
+    """Return the constants of an effect's variant, such as order or time constant, in words."""
     parts = []
     for name, value in constants.items():
         if name == "times":
@@ -339,7 +341,7 @@ def data_table(device):
 
 
 def quality_figures(q):
-    """Return the figures of quality.json as text by their name and unit."""
+    """Return the figures of `q`, the content of quality.json, as text by their name and unit."""
     jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
     names = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
     mended = text_of({name: clock.get(key) for name, key in names.items()})
@@ -352,10 +354,10 @@ def quality_figures(q):
         "Rate, Hz": number(q["rate_hz"], 5),
         "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
         "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else mended,
-        "Clock from the declared rate, ppm": number(clock.get("drift_ppm")),
-        "Clock from GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
+        "Clock error by the declared rate, ppm": number(clock.get("drift_ppm")),
+        "Clock error by GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
         "Gaps": text_of(q["gaps"]["count"]),
-        "Gaps in all, s": number(q["gaps"]["total_s"]),
+        "Length of all gaps, s": number(q["gaps"]["total_s"]),
         **{f"{words}, rows": text_of(q[key]) for key, words in dropped},
         "Clipped, values": text_of(clipped) if clipped else "not known, no full_scale",
         "Constant channels": text_of(q["constant"]),
@@ -367,7 +369,7 @@ def quality_figures(q):
 
 
 def _faults(found):
-    """Return the faults of the values themselves, which stay in the samples, as text."""
+    """Return the faults of values, which ingest leaves in the samples, as text by name and unit."""
 
     def rows(key):
         """Return the rows of a fault by channel as text."""
@@ -379,15 +381,15 @@ def _faults(found):
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": rows("stuck"),
         "Without noise at rest": text_of(found.get("silent_at_rest")),
-        "Spikes of one sample, left": text_of(found.get("spikes")),
+        "Spikes of one sample, not removed": text_of(found.get("spikes")),
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
-        "Rows that a value is held": text_of(held) if held else "1",
+        "Rows per new value": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
         "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
         "Correlation of gyroscope turns with gravity turns (1 is perfect)": number(
             (found.get("axes") or {}).get("agreement")
         ),
-        "Turns by angular rate per turns of gravity, rest to rest": number(
+        "Turn by the gyroscope per turn of gravity, rest to rest": number(
             (rests.get("turn_ratio") or {}).get("value")
         ),
     }

@@ -16,19 +16,19 @@ VALUED = "NBK"
 
 
 def curve(allan, channel, stage="corrected"):
-    """Return the rows of one channel in a stage, or the raw ones if it has none."""
+    """Return the rows of a channel in a stage, or its raw rows if that stage has none."""
     rows = allan[(allan["axis"] == channel) & (allan["adev"] > 0)]
     chosen = rows[rows["stage"] == stage]
     return (chosen if len(chosen) else rows[rows["stage"] == "raw"]).sort_values("tau_s")
 
 
 def longest_curve_first(sessions):
-    """Return the sessions with an Allan curve, that with the longest averaging time first."""
+    """Return the sessions with an Allan curve, the longest averaging time first."""
     return sorted((s for s in sessions if len(s.allan)), key=lambda s: -s.allan["tau_s"].max())
 
 
 def draw_curve(area, rows, unit, **looks):
-    """Draw an Allan curve with its 95 % band, in a unit of data sheets."""
+    """Draw an Allan curve, rows of allan.parquet, with its 95 % band; `unit` is a Display."""
     tau, ends = rows["tau_s"], (unit.factor * rows[end] for end in ("ci_low", "ci_high"))
     area.loglog(tau, unit.factor * rows["adev"], **looks)
     fill(area, tau, *ends, looks["color"])
@@ -37,8 +37,8 @@ def draw_curve(area, rows, unit, **looks):
 def draw_model(area, tau, noise, sensor, lowest):
     """Draw the model of an `AxisNoise` and each of its terms at averaging times, s.
 
-    A term has its letter where it is largest, if it is above the `lowest` level, SI; N, B and K
-    have their values next to it.
+    The letter of a term stands where the term is largest, if that is above the `lowest` level, SI;
+    the letters N, B and K are followed by their values.
     """
     factor = QUANTITIES[sensor]["B"].factor
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
@@ -67,7 +67,8 @@ def taken_by_filter(noise, tau):
 
     .. math:: \int_0^{r/2} 4 N^2 [1 - G(f)] \frac{\sin^4 \pi f \tau}{(\tau r \sin \pi f/r)^2} df
 
-    with G its power gain, for averaging times in s of which the first is the sampling interval 1/r.
+    G(f) is the power gain of the filter, N the white noise, r the sampling rate. `tau` are the
+    averaging times τ, s, (k,); the first is the sampling interval 1/r. The result is in SI².
     """
     if not noise.low_pass:
         return np.zeros(len(tau))
@@ -81,7 +82,7 @@ def taken_by_filter(noise, tau):
 
 
 def allan_pictures(device, session):
-    """Return the Allan deviation of a session's accelerometer and gyroscope."""
+    """Return the pictures of the Allan deviation of a session's accelerometer and gyroscope."""
     name = f"{device.name}.{session.name}"
     pictures = (
         allan_picture(name, session.name, sensor, session.allan, device.axes) for sensor in SENSORS
@@ -90,7 +91,7 @@ def allan_pictures(device, session):
 
 
 def allan_picture(name, session, sensor, allan, axes):
-    """Return the Allan deviation of a sensor as logged; None if no value is above 0.
+    """Return the picture of a sensor's Allan deviation as logged; None if no value is above 0.
 
     `name` begins the picture's name, `allan` are the rows of allan.parquet for the `session`,
     `axes` an `AxisNoise` by channel.
@@ -101,6 +102,7 @@ def allan_picture(name, session, sensor, allan, axes):
     unit = QUANTITIES[sensor]["B"]
 
     def plot(areas):
+        """Draw measured curve, model and terms of each axis on its area."""
         ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
         low = min(v[v > 0].min() for v in ends if (v > 0).any())
         high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
@@ -125,7 +127,7 @@ def allan_picture(name, session, sensor, allan, axes):
 
 
 def _finding(axes, sensor):
-    """Return white noise, bias instability and humps of the three axes in words."""
+    """Return white noise, bias instability, humps and low-pass of the three axes in words."""
     parts = []
     for term, words in (("N", "white noise"), ("B", "bias instability")):
         unit, found = QUANTITIES[sensor][term], [getattr(noise, term) for _, noise in axes]
@@ -142,14 +144,14 @@ def _finding(axes, sensor):
         if noise.low_pass:
             corner = noise.low_pass.corner.value
             parts.append(
-                f"bends down below {number(1 / corner)} s, as a low-pass at {number(corner)} Hz "
-                f"lowers white noise ({axis})"
+                f"the curve bends down below {number(1 / corner)} s, as a low-pass at "
+                f"{number(corner)} Hz lowers white noise ({axis})"
             )
     return "; ".join(parts) + "." if parts else "no noise model could be fitted."
 
 
 def corrected_pictures(device, block):
-    """Return the Allan deviation as logged and corrected, of each session that changed."""
+    """Return a picture for each session whose Allan deviation the added effects changed."""
     if block["part"] != "static_record" or not block["effects"]:
         return []
     sensor, pictures = block["sensor"], []
@@ -163,6 +165,7 @@ def corrected_pictures(device, block):
             continue
 
         def plot(area, curves=curves):
+            """Draw the curves of three axes, as logged and corrected."""
             for colour, (axis, (raw, after)) in zip(AXES, curves.items(), strict=True):
                 draw_curve(area, after, unit, color=colour, label=axis)
                 area.loglog(raw["tau_s"], unit.factor * raw["adev"], color=colour, ls=":", lw=1.6)
@@ -174,8 +177,8 @@ def corrected_pictures(device, block):
             for axis, pair in curves.items()
         )
         caption = (
-            f"{session.name}, {sensor}: as logged (dotted) and corrected, lowest value {lowest} "
-            f"{UNITS[sensor]}."
+            f"{session.name}, {sensor}: lowest Allan deviation, as logged (dotted) → corrected: "
+            f"{lowest} {UNITS[sensor]}."
         )
         name = f"{device.name}.{session.name}.allan_{sensor}_corrected"
         numbers = session.allan[session.allan["axis"].isin(SENSORS[sensor])]

@@ -11,7 +11,10 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return the result of the validation by attitude in words, empty if it is said elsewhere."""
+    """Return the result of the validation by attitude in words, or why there is none.
+
+    The text is empty if the diagnosis already gives that reason.
+    """
     content = read_json(device.folder / "attitude.json")
     if content["status"] == "ok":
         return phrase("attitude", r=content["methods"]["rotation"])
@@ -20,7 +23,7 @@ def attitude_finding(device):
 
 
 def attitude_pictures(device):
-    """Return the picture of the error of the vertical by a filter, if it was validated."""
+    """Return the picture of a filter's error of the vertical, in a list; empty if not validated."""
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok" or "filter" not in content["methods"]:
         return []
@@ -29,14 +32,15 @@ def attitude_pictures(device):
         content["methods"]["filter"],
     )
     of_method = series[series["method"] == "filter"]
-    # clocks of sessions do not share a zero: the one with the most is drawn
+    # the clocks of sessions have different zeros: only the session with the most rows is drawn
     longest = of_method["session"].astype(str).value_counts(sort=False).sort_index().idxmax()
     rows = of_method[of_method["session"] == longest].drop(columns="method")
-    words = {"raw": "as logged", "base": "base model", "final": "final"}
+    words = {"raw": "as logged", "base": "base model", "final": "final model"}
     if filtered["models"]["base"] == filtered["models"]["final"]:
         words = {"raw": "as logged", "final": "base model, also the final one"}
 
     def plot(area):
+        """Draw the error of each model over time, a line per stretch."""
         for model, text in words.items():
             for _, r in rows[rows["model"] == model].groupby("stretch"):
                 looks = {"color": COLOURS[model], "ms": 3, "label": text}

@@ -11,14 +11,14 @@ from imuloop.report.page import phrase
 from imuloop.report.results import XYZ
 from imuloop.report.units import data_sheet
 
-# parts that a line is cut into, two points each
+# number of parts that a line is cut into; each part gives two points
 BUCKETS = 64
 # keys of a point of diagnosis.json
 COLUMNS = ["session", "start_s", "floor", "values", "corrected"]
 
 
 def bias_pictures(device, block):
-    """Return pictures of a sensor's bias over each static record, against the floor."""
+    """Return a picture of a sensor's bias over time, with its floor, for each static record."""
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     return [
         _picture(device, name, rows, block) for name, rows in points.groupby("session", sort=False)
@@ -28,7 +28,7 @@ def bias_pictures(device, block):
 def temperatures(session, start):
     """Return the mean temperature over each window, °C; None if it was not logged.
 
-    A window begins at each `start`, shape (n,), s, and ends where the next may start.
+    A window begins at each `start`, shape (n,), s; all have the median length of the steps.
     """
     if TEMPERATURE not in session.samples or len(start) < 2:
         return None
@@ -41,6 +41,10 @@ def temperatures(session, start):
 
 
 def _picture(device, session, points, block):
+    """Return the picture of the bias over one static record.
+
+    `session` is a name; `points` are the rows of diagnosis.json for this session.
+    """
     sensor, display = block["sensor"], data_sheet(block["residuals"]["bias"]["unit"])
     t, floor = (points[k].to_numpy(float) for k in ("start_s", "floor"))
     before, floor, after = np.stack(points["values"].to_numpy()), floor / np.sqrt(3), None
@@ -62,6 +66,7 @@ def _picture(device, session, points, block):
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
     def plot(areas):
+        """Draw bias, floor and temperature over time."""
         areas = areas if isinstance(areas, list) else [areas]
         for i, (axis, colour) in enumerate(zip(XYZ, AXES, strict=True)):
             area, old = areas[i % count], before[:, i] * display.factor
@@ -103,7 +108,7 @@ def _picture(device, session, points, block):
 
 
 def temperature_pictures(device, block):
-    """Return the bias against temperature with the fitted curve, if this effect was added."""
+    """Return the picture of bias against temperature, in a list; empty if this effect is absent."""
     effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     if effect is None or points.empty or points["corrected"].isna().any():
@@ -135,6 +140,7 @@ def temperature_pictures(device, block):
     fitted = [curve(grid - theta0) for curve in curves]
 
     def plot(areas):
+        """Draw the bias of each axis against temperature, with the fitted curve."""
         for area, axis, curve in zip(areas, XYZ, fitted, strict=True):
             for rows in sessions:
                 theta, old, new = (rows[k] for k in ("temperature_degC", axis, f"{axis}_corrected"))

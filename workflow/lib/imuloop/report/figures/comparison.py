@@ -12,14 +12,14 @@ TIMES = 60
 
 
 def line_style(index):
-    """Return colour number and dash number of a device by its index; distinct up to 21."""
+    """Return the indices of a device's colour and dash; the pairs of 21 devices are distinct."""
     return index % len(PALETTE), index % len(DASHES)
 
 
 def allan_comparison(summaries, together):
     """Return six pictures: the Allan deviation of one axis of all devices, given summary.json.
 
-    If the devices are shown together there is a line per device, else the band of all.
+    If `together`, a picture has a line per device, otherwise the median and the band of all.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -44,18 +44,19 @@ def _lines(sensor, curves):
     """Return caption, plot and numbers of a line per device."""
 
     def plot(area):
+        """Draw a line per device."""
         for i, _, tau, adev in curves:
             colour, dash = line_style(i)
             area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
         area.set(xlabel="averaging time τ, s", ylabel=f"Allan deviation, {UNITS[sensor]}")
 
-    lowest = "; ".join(f"{w} down to {number(a.min())}" for _, w, _, a in curves)
+    lowest = "; ".join(f"{label} {number(adev.min())}" for _, label, _, adev in curves)
     numbers = {
         "device": np.repeat([c[1] for c in curves], [len(c[2]) for c in curves]),
         "tau_s": np.concatenate([c[2] for c in curves]),
         f"adev_{FILE_UNITS[sensor]}": np.concatenate([c[3] for c in curves]),
     }
-    return f"{UNITS[sensor]}: {lowest}", plot, numbers
+    return f"lowest Allan deviation, {UNITS[sensor]}: {lowest}", plot, numbers
 
 
 def _band(sensor, curves):
@@ -74,12 +75,13 @@ def _band(sensor, curves):
     at = int(np.abs(grid - common).argmin())
 
     def plot(area):
+        """Draw the median and the band of all devices."""
         fill(area, grid, low, high, BLUE)
         area.loglog(grid, middle, color=BLUE, lw=2, label="median, 5–95 %")
         area.set(xlabel="averaging time τ, s", ylabel=f"Allan deviation, {UNITS[sensor]}")
 
     caption = (
-        f"{len(curves)} devices: over {number(grid[at], 2)} s the median is {number(middle[at])} "
+        f"{len(curves)} devices: at τ = {number(grid[at], 2)} s the median is {number(middle[at])} "
         f"{UNITS[sensor]}, nine of ten lie between {number(low[at])} and {number(high[at])}"
     )
     columns = zip(("p5", "median", "p95"), (low, middle, high), strict=True)

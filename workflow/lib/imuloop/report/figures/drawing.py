@@ -70,9 +70,9 @@ WIDE = 500
 class Picture:
     """A picture of the report, drawn when it is needed.
 
-    Its name is unique in the report, and the drawing's ids are made from it. Readers who cannot see
-    it get kind and caption. `plot` draws on the `Axes`, or on the list of them, row by row; the key
-    has the labelled lines.
+    `name` is unique in the report, and the ids in the drawing are made from it. Readers who cannot
+    see the picture get `kind` and `caption`. `plot` draws on a matplotlib `Axes`, or on a list of
+    them, row by row; the key lists the lines that have labels.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Picture:
 
     @property
     def stem(self):
-        """Its name among the figures of its device, and the name of its SVG file."""
+        """The name of the picture without its device; the SVG file has this name."""
         return self.name.partition(".")[2].replace(".", "_")
 
     @property
@@ -97,11 +97,11 @@ class Picture:
 
     @property
     def wide(self):
-        """Whether it takes the full width of the page."""
+        """Whether the picture takes the full width of the page."""
         return self.size[0] > WIDE
 
     def figure(self):
-        """Return it as a matplotlib figure."""
+        """Return the picture as a matplotlib figure."""
         with matplotlib.rc_context(STYLE):
             # 72 points an inch: a point is a pixel
             inches = [side / 72 for side in self.size]
@@ -142,7 +142,7 @@ class Picture:
     def inline(self):
         """The drawing as an element of the page, in the page's colours.
 
-        It is without the parts that a page may have once only: head, style, names of groups.
+        Left out are the parts that a page may have only once: head, style, ids of groups.
         """
         svg = re.sub('<style.*?</style>|(?<=<g) id="[^"]*"', "", self.svg, flags=re.DOTALL)
         alt = escape(f"{self.kind}. {self.caption}")
@@ -169,7 +169,7 @@ class Picture:
 
 
 def _rounded(attribute):
-    """Return an attribute of the drawing, a match, with two decimals of a pixel."""
+    """Return the text of a match of an SVG attribute, its numbers cut to two decimals."""
     return re.sub(r"(\.\d\d)\d+", r"\1", attribute[0])
 
 
@@ -179,7 +179,7 @@ def fill(area, x, low, high, colour, alpha=0.2):
 
 
 def _mark_decades(axis):
-    """Mark powers of ten; 1, 2 and 5 times them, or round numbers, where these are few."""
+    """Set the ticks of a logarithmic axis: powers of ten, or rounder steps if these are few."""
     low, high = axis.get_view_interval()
     axis.set_minor_locator(NullLocator())
     if high < 4 * low:

@@ -1,4 +1,4 @@
-"""The loop in one picture: errors as logged, calibrated, with the effects found, over the noise."""
+"""One picture of a device's errors: as logged, calibrated, effects corrected; over the noise."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -39,9 +39,10 @@ BEYOND = 1.6
 def loop_errors(device, found):
     """Return the held-out errors of a device that a user notices, the first one most.
 
-    `found` are its `blocks`. For each record they are the residual that its verdict quotes, and the
-    one that a user notices first. Each is a dict of ``what``, ``unit``, ``logged``, ``calibrated``,
-    ``final``, ``floor`` (SI, root mean squares, None if absent) and ``effects``.
+    `found` are the `blocks` of the device. For each of them, the errors are the residual that its
+    verdict quotes and the residual that a user notices first. An error is a dict of ``what``,
+    ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root mean squares, None if
+    absent) and ``effects``.
     """
     errors = []
     for block in sorted(found, key=lambda b: RECORDS.index((b["sensor"], b["part"]))):
@@ -63,7 +64,7 @@ def loop_errors(device, found):
 
 
 def _as_logged(device, name):
-    """Return the error as logged, SI, root mean square, in place of a residual; None if unknown."""
+    """Return the root mean square, SI, that a residual has as logged; None if unknown."""
     if name == "rotation":
         attitude = read_json(device.folder / "attitude.json")
         if attitude["status"] == "ok":
@@ -79,7 +80,7 @@ def _as_logged(device, name):
 
 
 def _multiples(error):
-    """Return an error by its stage, in multiples of its floor."""
+    """Return the sizes of an error by stage, in multiples of its floor."""
     return {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
 
 
@@ -90,7 +91,7 @@ def reach(errors):
 
 
 def _sizes(error):
-    """Return an error's sizes from step to step, in words."""
+    """Return the sizes of an error as text, stage by stage."""
     display = data_sheet(error["unit"])
     return " → ".join(display.text(error[s], 2) for s in STAGES if error[s] is not None)
 
@@ -132,12 +133,13 @@ def draw_loop(area, errors, ends):
 def loop_picture(name, errors, ends=None):
     """Return the picture of a device's errors by its name, or None without errors.
 
-    `ends` are the ends of the axis for several devices, which are compared; else see `reach`.
+    `ends` are the ends of the axis, if devices are compared; otherwise the axis fits the errors.
     """
     if not errors:
         return None
 
     def plot(area):
+        """Draw the errors on one axis."""
         draw_loop(area, errors, ends or reach(errors))
 
     said = (

@@ -9,7 +9,7 @@ from imuloop.report.page import phrase
 from imuloop.report.results import XYZ
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
-# the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
+# the six faces, and the cosine of 20 degrees: a pose on a face is within this angle of it
 FACES = {
     f"{sign}{axis}": np.eye(3)[i] * (1 if sign == "+" else -1)
     for i, axis in enumerate(XYZ)
@@ -65,6 +65,7 @@ def pose_pictures(device):
     hole, angle = largest_hole(everything)
 
     def plot(areas):
+        """Draw the upper and the lower hemisphere."""
         for area, sign in zip(areas, (1, -1), strict=True):
             draw_poses(area, directions, sign, hole)
 
@@ -85,7 +86,8 @@ def pose_pictures(device):
 def _project(u, sign):
     """Return directions of one hemisphere in Lambert's equal-area projection of its pole.
 
-    Seen from outside along the axis; the lower half is turned about y, so x runs to the left.
+    `u` are unit vectors, (n, 3); x and y are (n,). The hemisphere is seen from outside, so for the
+    lower one x runs to the left.
     """
     r = np.sqrt(1 + np.abs(u[:, 2]))
     return sign * u[:, 0] / r, u[:, 1] / r

@@ -12,7 +12,7 @@ from imuloop.report.units import DEGREE_PER_SECOND, DEGREES, data_sheet
 # residuals of a move, and of a window with a reference
 OF_MOVES = ("rotation", "velocity_vertical", "velocity_horizontal")
 OF_WINDOWS = ("reference_rotation", "reference_force")
-# cosine of the angle within which a turn is about one axis, 30 degrees
+# cosine of 30 degrees: a turn about an axis is within this angle of it
 ABOUT = 0.87
 TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), "mixed"]
 
@@ -30,16 +30,16 @@ def residual_pictures(device, block):
 
 
 def elapsed(table):
-    """Return the start of each row with the sessions one after the other, s, and theirs by name."""
+    """Return the start of each row, s, with the sessions end to end, and each session's start."""
     length = table.groupby("session", sort=False)["end_s"].max()
     first = length.cumsum() - length
     return (table["start_s"] + table["session"].map(first)).to_numpy(), dict(first)
 
 
 def against(name, table):
-    """Return the quantities that residuals of one kind are shown against.
+    """Return the quantities on the x axes of the pictures of a kind of residual.
 
-    They are words with a unit, and values, by the name of a column of the CSV file.
+    By the name of a column of the CSV file, each is a label with a unit, and values, (n,).
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
@@ -86,6 +86,10 @@ def draw_residuals(area, x, before, after, floor):
 
 
 def _picture(device, name, table, block):
+    """Return the picture of one kind of residual, `name`.
+
+    `table` has a row per pose, move or window; `block` is the diagnosis that the residual is of.
+    """
     residual, changed = block["residuals"][name], bool(block["effects"])
     display, (words, short, _) = data_sheet(residual["unit"]), WORDS["residuals"][name]
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
@@ -96,9 +100,10 @@ def _picture(device, name, table, block):
         numbers[key] = [TURN_AXES[i] for i in x] if key == "axis" else x
 
     def plot(areas):
+        """Draw the residuals against each quantity on an area of its own."""
         areas = np.atleast_1d(areas)
         for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
-            # over time the floor of each; elsewhere it would jump from mark to mark
+            # against time, each mark has its floor; elsewhere that would jump, so draw the median
             level = floor if area is areas[0] else np.full(len(x), np.median(floor))
             draw_residuals(area, x, before if changed else None, after, level)
             area.set_xlabel(label)

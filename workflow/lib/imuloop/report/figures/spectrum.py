@@ -32,8 +32,8 @@ def density_pictures(device, session):
 def _ramp(frequency):
     r"""Return the density that a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
 
-    `frequency` is in Hz, the lowest is 2/T. Under a Hann window, in segments of T without their
-    mean, it is :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T.
+    `frequency` is in Hz, the lowest is 2/T. For segments of length T, minus their mean, under a
+    Hann window, it is :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T.
     """
     segment = 2 / frequency.min()
     k = frequency * segment
@@ -41,6 +41,7 @@ def _ramp(frequency):
 
 
 def _picture(device, session, sensor, curves, spectra):
+    """Return the picture of a sensor: `curves` are rows of `spectra` by axis."""
     axes = of_axes(device.axes, sensor)
     lines = [
         (line.frequency.value, axis, f": {line.origin}" if line.origin else "")
@@ -51,6 +52,7 @@ def _picture(device, session, sensor, curves, spectra):
     corners = [(noise.low_pass.corner.value, axis) for axis, noise in axes if noise.low_pass]
 
     def plot(area):
+        """Draw spectrum, model, lines and low-pass corner of each axis."""
         for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
             area.loglog(r["frequency_hz"], r["psd"], color=colour, label=axis)
             fill(area, r["frequency_hz"], r["ci_low"], r["ci_high"], colour)

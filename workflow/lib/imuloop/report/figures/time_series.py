@@ -14,15 +14,15 @@ from imuloop.report.page import phrase
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
-# parts of equal length that a line is cut into; each gives two points
+# number of equal parts that a line is cut into; each part gives two points
 BUCKETS = 600
-# means that a record at rest is shown by
+# number of means that show a record at rest
 MEANS = 120
-# motion is shown as it is, a rest about its median
+# units of moving records, and of records at rest, which are drawn with their medians subtracted
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
-# a clock axis in hours where seconds would be long numbers: unit, its size, least end
+# units of a time axis: unit, its size, s, and the least length of a record, s, to use it
 _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
 
@@ -40,11 +40,14 @@ def extremes(x, buckets=BUCKETS):
 
 
 def means_at_rest(t, x, stretches):
-    """Return times and means of a series over its rests, not-a-number between two of them."""
+    """Return times and means of a series over parts of its rests, with nan between two rests.
+
+    `t` and `x` are (n,); `stretches` are the first and last row, half-open, of each rest.
+    """
     times, values = [np.nan], [np.nan]
     for start, end in stretches:
         count = MEANS * (end - start) // len(t)
-        # among many a short one has no width in the picture
+        # a rest that is too short for a mean has no width in the picture
         if not count:
             continue
         edges = np.linspace(start, end, count + 1).astype(int)
@@ -54,13 +57,13 @@ def means_at_rest(t, x, stretches):
 
 
 def clock(end):
-    """Return the unit to show times up to `end` (s) in, and its size in s."""
+    """Return the unit in which to show times up to `end`, s, and the size of the unit, s."""
     return next((unit, size) for unit, size, least in _CLOCKS if end >= least)
 
 
 def shade(area, segments, size=1.0):
     """Shade rests, disturbances and gaps; motion stays white."""
-    # a disturbance has an outline, so that a short one still shows in a long record
+    # a disturbance has an outline, so that a short disturbance is visible in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
     for kind, (colour, alpha, width) in looks.items():
         rows = segments[segments["kind"] == kind]
@@ -76,6 +79,7 @@ def session_pictures(device, session):
 
 
 def _picture(device, session, sensor, t):
+    """Return the picture of a sensor in a session; `t` are the time stamps, (n,), s."""
     segments, resting = session.segments, session.kind == "static"
     display = (RESTING if resting else MOVING)[sensor]
     gaps = segments["start_s"][segments["kind"] == GAP]
@@ -91,7 +95,7 @@ def _picture(device, session, sensor, t):
         lines["raw"][axis] = curve
         if resting:
             lines.setdefault("means", {})[axis] = means_at_rest(t, x, rests)
-            # a knock must not flatten the rest: it is cut off at the frame
+            # limits from the rests, so that a knock does not flatten the curve; it is cut off
             ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
             low, high = min(ends, default=x.min()), max(ends, default=x.max())
             quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
@@ -105,6 +109,7 @@ def _picture(device, session, sensor, t):
         area.plot(x / size, (np.asarray(y) - middle[axis]) * display.factor, **looks)
 
     def plot(areas):
+        """Draw each axis on its area, or all axes of a moving record on one."""
         areas = areas if resting else [areas] * 3
         for area in dict.fromkeys(areas):
             shade(area, segments, size)
@@ -139,7 +144,7 @@ def _numbers(sensor, lines):
 
 
 def _caption(session, sensor):
-    """Return the caption: length of all rests, and of the parts that were cut out."""
+    """Return the caption: total length of the rests, count and length of the parts cut out."""
     kinds, cut = session.segments["kind"], []
     for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
@@ -150,11 +155,11 @@ def _caption(session, sensor):
 
 
 def _wander(means, middle, display):
-    """Return by how much the means of a record at rest move, and its medians."""
+    """Return a sentence: the ranges of the means of a record at rest, and the medians."""
     moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
     moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
     levels = ", ".join(display.size(m, 4) for m in middle.values())
     return (
-        f" Its means move by {moves} {display.unit} (x, y, z); shown about the medians "
-        f"{levels} {display.unit}."
+        f" The plotted means vary by {moves} {display.unit} (x, y, z); the medians {levels} "
+        f"{display.unit} are subtracted."
     )
