@@ -10,7 +10,8 @@ import yaml
 from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
-from imuloop.config_model import BRANCH, CALLED, Config, is_branch
+from imuloop.config_keys import BRANCH, is_branch
+from imuloop.config_model import CALLED, Config
 from imuloop.config_text import LOADER, key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit

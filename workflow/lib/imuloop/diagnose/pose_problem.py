@@ -7,65 +7,19 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
+from imuloop.diagnose.pose_linearization import Linearization, kind_hypotheses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.joint_fit import append_prior
-from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
+from imuloop.estimate.noise_components import SizeLikelihood
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
 
-# alternatives of the noise: steps from the sizes as estimated to the likeliest sizes
-PATH = np.array([0.0, 0.3, 0.6, 1.0])
 # rise of the log likelihood at which the estimate of the noise for a detection limit ends
 ROUGH = 0.05
 # number of effects whose derivatives are computed at once
 BATCH_SIZE = 32
-
-
-@dataclass(frozen=True)
-class Linearization:
-    """The N rows of a PoseProblem, linearised at the fit of all poses with some effects.
-
-    A row is one component of a residual of a pose, a move between poses, or a prior.
-    """
-
-    solution: object  # the Fit, with p parameters
-    factors: object  # Linearised factors at its parameters
-    values: np.ndarray  # (N,): residuals
-    jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
-    evidence: Evidence  # Evidence of the rows
-    likelihood: SizeLikelihood  # likelihood of the sizes of the k variance components of the noise
-    likeliest: np.ndarray  # (k,): the most likely sizes
-
-    @property
-    def slow(self):
-        """Components of slow noise, a list: the noise model gives their size and its error."""
-        return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
-
-    @property
-    def variance(self):
-        """Variance of the rows by the noise as estimated, (N,)."""
-        slow = (np.diag(c.covariance) * c.size**2 for c in self.slow)
-        return np.diag(self.likelihood.fixed) + sum(slow)
-
-    @cached_property
-    def alternatives(self):
-        """Alternatives of the noise for the verdict, from the sizes as estimated to the likeliest.
-
-        Alternative j moves the sizes of all slow components by the share `PATH[j]` of the way from
-        the estimates to the likeliest sizes. The whole way has the length d, in standard deviations
-        of the estimates, so that the logarithm of the prior probability is ``-(d PATH[j])²/2``.
-
-        The result is the log prior of each alternative, (m,), and the covariances of the rows, a
-        list of m arrays (N, N). The noise as estimated is the first.
-        """
-        fixed, slow = self.likelihood.fixed, self.slow
-        sizes = np.array([component.size for component in slow])
-        change = likely_sizes(self.values, self.jacobian, fixed, slow) - sizes
-        distance = change / [component.deviation for component in slow]
-        covariances = [total_covariance(fixed, slow, sizes + share * change) for share in PATH]
-        return -(distance @ distance) * PATH**2 / 2, covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,38 +359,6 @@ class PoseProblem:
         x[: len(nuisances)] += nuisances
         x[len(nuisances) + index] += coefficients / scale
         return replace(solution, effects=all_effects, x=x, covariance=np.zeros((len(x),) * 2))
-
-
-def kind_hypotheses(components, likelihood, likeliest):
-    """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
-
-    Under each hypothesis, the components of one kind of residual have the likeliest sizes and the
-    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
-    has all sizes as estimated, and the last one has all likeliest sizes.
-
-    Parameters
-    ----------
-    components : list of Component
-        The k variance components of the noise.
-    likelihood : SizeLikelihood
-        Likelihood of the sizes of the components.
-    likeliest : ndarray, shape (k,)
-        The most likely sizes.
-
-    Returns
-    -------
-    Hypotheses
-        h hypotheses.
-    ndarray, shape (h,) of bool
-        Which of them have all sizes as estimated.
-    """
-    kinds, number = np.unique([c.kind for c in components], return_inverse=True)
-    # which kinds have the likeliest sizes: none, one, all but one, all
-    single = np.eye(len(kinds), dtype=bool)
-    none = np.zeros_like(single)
-    is_likeliest = np.unique(np.vstack([none, single, ~single, ~none]), axis=0)[:, number]
-    sizes = np.where(is_likeliest, likeliest, likelihood.prior_sizes)
-    return Hypotheses.of(map(likelihood.covariance, sizes**2)), ~is_likeliest.any(axis=1)
 
 
 def split_by_effect(values, effects):
