@@ -159,6 +159,13 @@ def test_what_is_unexplained_is_said_with_its_floor(step):
         assert ("horizontal rate of the Earth" in said) == earth
 
 
+def test_an_error_of_the_poses_comes_before_its_trace_in_motion(step):
+    poses = above("gravity_norm", "m/s^2", 1.3e-2, 4.5e-3)
+    found = diagnosis(accelerometer=poses)
+    found["sensors"]["sensors"] = {"motion": above("velocity_horizontal", "m/s", 2.5e-2, 7.9e-3)}
+    assert step(diagnosis=found).startswith("Accelerometer, poses: the model lacks something.")
+
+
 def test_values_at_the_end_of_the_range_come_first(good, step):
     hard = session("hard", "static", good().sessions[0].samples_path, clipped={"ax": 12, "gz": 0})
     assert step(more=[hard]).startswith("Session hard: 12 samples of ax lie at the end")
