@@ -162,7 +162,8 @@ def test_what_is_unexplained_is_said_with_its_floor(step):
 def test_an_error_of_the_poses_comes_before_its_trace_in_motion(step):
     poses = above("gravity_norm", "m/s^2", 1.3e-2, 4.5e-3)
     found = diagnosis(accelerometer=poses)
-    found["sensors"]["sensors"] = {"motion": above("velocity_horizontal", "m/s", 2.5e-2, 7.9e-3)}
+    for blocks in found["sensors"].values():
+        blocks["motion"] = above("velocity_horizontal", "m/s", 2.5e-2, 7.9e-3)
     assert step(diagnosis=found).startswith("Accelerometer, poses: the model lacks something.")
 
 
