@@ -78,11 +78,6 @@ def g_sensitivity(seed=1):
     return FittedEffect(effect, dict(zip(effect.parameters, values, strict=True)), {})
 
 
-def warm_bias():
-    effect = BiasTemperature(order=1)
-    return FittedEffect(effect, dict.fromkeys(effect.parameters, 0.01), {})
-
-
 FOUND = (g_sensitivity(),)
 
 
