@@ -20,7 +20,7 @@ from bench.realistic.device import (
     move,
     record,
 )
-from bench.realistic.judge import errors, outcome, pulls
+from bench.realistic.judge import errors, judge, outcome, pulls
 from bench.realistic.plain import fit, rotation
 from quick import hurry
 
@@ -167,3 +167,10 @@ def test_a_case_without_effect_changes_what_it_names_alone(coarse_steps):
         assert lower < spread[0] / spread[1] < upper, case
     changed = np.any(np.hstack(sense(record(FEW, "spikes"))[1:]) != np.hstack([f, w]), axis=1)
     assert 0 < changed.mean() < 0.01
+
+
+def test_a_jump_of_both_biases_is_found_although_a_hand_trembles():
+    with hurry("imu"):
+        found = judge(771002, "all")
+    assert max(found["ratios"].values()) < 0.1
+    assert [effects["poses"] for effects in found["effects"].values()] == [["steps"], ["steps"]]

@@ -71,8 +71,8 @@ def at_rest(f, error=1e-5):
     start, variance = 10.0 * np.arange(n), np.broadcast_to(error, n)[:, None] ** 2 * np.ones(6)
     poses = Poses(
         np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
-        np.zeros((n, 3)), 500 * variance, None, np.zeros((n, 6)), np.zeros(n), np.zeros((n, 3)),
-        np.zeros((n, 3)),
+        np.zeros((n, 3)), 500 * variance, None, np.zeros((n, 6)), np.zeros(n), np.zeros((n, 2)),
+        np.zeros((n, 2, 3)),
     )  # fmt: skip
     none, t, along = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 3))
     rotations = Rotations(

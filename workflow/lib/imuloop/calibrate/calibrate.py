@@ -180,7 +180,7 @@ def contradictions(joint, solution, recording):
     The data of a sensor contradict each other in two cases: the fit gives values that no sensor
     has, or the residuals are larger than the prior allows. In these cases, and if the reduced χ² is
     above `CONTRADICTORY`, a change of the sensor during the recording is looked for, too. If there
-    is one, the change is the reason.
+    is one that the effects of the fit do not explain, the change is the reason.
 
     The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
     Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² if the parameters
@@ -206,7 +206,8 @@ def contradictions(joint, solution, recording):
     jacobian = linearised.jacobian[:, :COUNT]
     # variance of each residual by the prior of the parameters
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
-    for sensor, calibration in joint.calibrations(solution).items():
+    calibrations = joint.calibrations(solution)
+    for sensor, calibration in calibrations.items():
         rows, why = owner == sensor, None
         count = rows.sum()
         quantile = chdtri(count, CHANCE) if sensor == "accelerometer" else count
@@ -221,7 +222,7 @@ def contradictions(joint, solution, recording):
         # a change is the better reason, and is looked for if the residuals are large, too; without
         # degrees of freedom the reduced χ² is None
         if why or (calibration.reduced_chi2 or 0.0) > CONTRADICTORY:
-            why = why_changed(sensor, recording) or why
+            why = why_changed(sensor, recording.without_effects(calibrations)) or why
         if why:
             refused[sensor] = why
     return refused

@@ -142,7 +142,8 @@ def sensor_errors(sensor, recording):
     x, root = fit_gravity_norm(f)
     bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2
     moves = replace(moves, w=moves.w - bias[:, None])
-    recording = replace(recording, poses=replace(poses, f=f), rotations=moves)
+    poses = replace(poses, f=f, w_to_ends=poses.w_to_ends - poses.w[:, None])
+    recording = replace(recording, poses=poses, rotations=moves)
     state = State(np.append(x, NOMINAL[9:]))
     linearised = Factors(1.0).linearised_about(recording, state).at(state.x)
     residual, jacobian = linearised.residual, linearised.jacobian

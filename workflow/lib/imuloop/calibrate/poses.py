@@ -53,10 +53,11 @@ class Poses(Table):
     extra_variance: np.ndarray
     # root mean square of the tilt that both sensors show in the pose, rad, (n,)
     tilt: np.ndarray
-    # rotation vectors from the mean attitude to the attitude at the start and at the end of the
-    # pose, rad, body axes, (n, 3); zero where the device lies still
-    to_start: np.ndarray
-    to_end: np.ndarray
+    # time from the mean attitude of the pose to its start and to its end, s, (n, 2), the first one
+    # negative; zero where the device lies still
+    to_ends_s: np.ndarray
+    # mean angular rate over these two times, rad/s, (n, 2, 3), nominal SI
+    w_to_ends: np.ndarray
 
     @property
     def mid_s(self):
@@ -155,8 +156,8 @@ def gather_poses(segments):
         temperature=None,
         extra_variance=np.zeros((len(poses), 6)),
         tilt=np.sqrt(mean_powers(["tilt_rad"], power=2)[:, 0]),
-        to_start=np.zeros((len(poses), 3)),
-        to_end=np.zeros((len(poses), 3)),
+        to_ends_s=np.zeros((len(poses), 2)),
+        w_to_ends=np.zeros((len(poses), 2, 3)),
     )
 
 
@@ -222,11 +223,10 @@ def add_tilt_turns(poses, logs):
     A pose tilts if both sensors show that the device moves slightly, as in a hand. These fields of
     such poses change:
 
-    - `to_start` and `to_end`. The mean specific force of a pose is the specific force at the
-      attitude where the rotation since the start equals its mean over the pose. From there the
-      device rotates by the mean over the pose of :math:`\int_t^{end} w` to its end, and by the mean
-      of :math:`-\int_{start}^t w` to its start. w is the angular rate less the bias, which is the
-      mean angular rate of the poses without a tilt. The result is a rotation vector, body axes.
+    - `to_ends_s` and `w_to_ends`. The mean specific force of a pose belongs to the mean attitude,
+      whose rotation since the start is the mean of all. From there the device rotates to the start
+      and to the end of the pose. Each of these two rotations is a time, the negative one to the
+      start, multiplied by a mean angular rate; the bias of this rate is known only after the fit.
     - `f`, `w` and `duration_s`, if the rest was not interrupted. A hand that moves at the ends of
       a rest adds its change of velocity over the duration to the mean specific force. So the means
       are weighted, with a taper of `FADE` seconds at both ends. The mean of directions that differ
@@ -238,24 +238,28 @@ def add_tilt_turns(poses, logs):
     `poses` are the Poses, and `logs` has the Log of each session.
     """
     poses.extra_variance[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
-    f, w, still = poses.f, poses.w, poses.tilt == 0
-    bias = np.average(w[still], axis=0, weights=poses.n[still]) if still.any() else 0.0
-    for k in np.flatnonzero(~still):
+    f, w = poses.f, poses.w
+    for k in np.flatnonzero(poses.tilt > 0):
         log = logs[poses.session[k]]
         rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
         t, force, rate = log.t[rows], log.f[rows], log.w[rows]
-        # rotation vector since the start, as the sum of the rates in the middle of the steps
-        middle = (rate[1:] + rate[:-1]) / 2 - bias
+        # time and rotation vector since the start; the rotation is the sum of the rates in the
+        # middle of the steps, with the bias of the gyroscope in it
+        since, middle = t - t[0], (rate[1:] + rate[:-1]) / 2
         turned = np.pad(np.cumsum(middle * np.diff(t)[:, None], axis=0), ((1, 0), (0, 0)))
-        mean = turned.mean(axis=0)
+        weights = np.ones(len(t))
         # a pose that was interrupted keeps the means of its parts
         if len(t) == poses.n[k]:
             weights = _taper_weights(len(t), min(FADE / poses.duration_s[k], 0.5))
-            mean, f[k], w[k] = (
-                np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
-            )
-            across = np.cross(turned - mean, f[k] / np.linalg.norm(f[k]))
+            f[k], w[k] = (np.average(x, axis=0, weights=weights) for x in (force, rate))
+            # rotations from the mean attitude, without the one at the mean rate
+            swayed = turned - since[:, None] * w[k]
+            swayed -= np.average(swayed, axis=0, weights=weights)
+            across = np.cross(swayed, f[k] / np.linalg.norm(f[k]))
             f[k] *= 1 + np.average((across**2).sum(axis=1), weights=weights) / 2
             # duration of an unweighted mean with the same variance of white noise
             poses.duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
-        poses.to_start[k], poses.to_end[k] = -mean, turned[-1] - mean
+        # rotation and time from the mean attitude to both ends
+        rotation = turned[[0, -1]] - np.average(turned, axis=0, weights=weights)
+        poses.to_ends_s[k] = since[[0, -1]] - np.average(since, weights=weights)
+        poses.w_to_ends[k] = rotation / poses.to_ends_s[k][:, None]

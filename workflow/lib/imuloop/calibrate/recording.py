@@ -203,6 +203,32 @@ class Recording:
         in_rotations = calibration.apply(rotations.f.reshape(-1, 3), along)
         return calibration.apply(poses.f, at_poses), in_rotations.reshape(rotations.f.shape)
 
+    def without_effects(self, calibrations):
+        """Return a copy with the effects of calibrations subtracted from poses and rotations.
+
+        `calibrations` is a dict of SensorCalibration by sensor. The specific force and the angular
+        rate that change are in nominal SI. Effects that depend on the other sensor get its values
+        in nominal SI.
+        """
+        poses, rotations = self.poses, self.rotations
+        for sensor, calibration in calibrations.items():
+            own, other = OWN[sensor]
+            at_poses = self.pose_channels(sensor, calibration.output, getattr(self.poses, other))
+            along = self.rotation_channels(
+                sensor, calibration.output, getattr(self.rotations, other)
+            )
+            # from an error of the output K (raw - b) to one of nominal SI
+            scale = calibration.raw_unit.scale / calibration.K
+            for effect in calibration.effects:
+                error = effect.output(at_poses) * scale
+                poses = replace(poses, **{own: getattr(poses, own) - error})
+                if sensor == "gyroscope":
+                    poses = replace(poses, w_to_ends=poses.w_to_ends - error[:, None])
+                values = getattr(rotations, own)
+                in_moves = values - (effect.output(along) * scale).reshape(values.shape)
+                rotations = replace(rotations, **{own: in_moves})
+        return replace(self, poses=poses, rotations=rotations)
+
     def _history(self, sensor, output, align_other, reduce):
         """Return a function `history`, with which Channels evaluate a function of the whole log.
 

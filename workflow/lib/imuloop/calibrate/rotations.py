@@ -126,7 +126,7 @@ def gather_rotations(poses, logs, segments, longest_s):
     tables = [empty | dict(zip(ALIASING, aliased_turns(*[()] * 6), strict=True))]
     candidates, lost_runs, clipped_turns = 0, [], 0
     # part of each pose that a slow rotation may take, s; none of a pose that tilts, because its
-    # fields `to_start` and `to_end` already have the rotation within it
+    # field `w_to_ends` already has the rotation within it
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
         log, table = logs[session], segments[session]

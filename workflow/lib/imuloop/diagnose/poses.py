@@ -191,10 +191,9 @@ def rejections(result):
     if result.solution is not None:
         rejected = contradictions(result.problem.joint_fit, result.solution, recording)
     for sensor in result.calibrations:
-        # a step that is in the model leaves no large residuals
         residuals = result.contents[sensor]["residuals"].values()
         if any(not r["after"] <= FAR * r["floor"] for r in residuals):
-            if why := why_changed(sensor, recording):
+            if why := why_changed(sensor, recording.without_effects(result.calibrations)):
                 rejected[sensor] = why
     if "accelerometer" in rejected and "gyroscope" in result.calibrations:
         rejected["gyroscope"] = NO_DIRECTION

@@ -106,11 +106,13 @@ def most_promising_step(search, base, earlier=()):
 def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
-    Times in the middle of the poses are tried first. If the best of them is clearer than chance,
-    times ever closer to this time are tried, since a step may lie within a pose or between two. The
-    tests use the noise as estimated: under the likeliest noise, the residuals that a step causes in
-    the turns would count as noise. `base` has the effects that are in the model already.
-    `may_give_up` changes nothing: the first times are quick to test.
+    Times in the middle of the poses are tried first, then times ever closer to the best of them,
+    since a step may lie within a pose or between two. This is done twice: with the noise as
+    estimated, and averaged over all noise hypotheses. Under the likeliest noise of a fit without
+    the step, the residuals that the step causes would count as noise. But if a hand trembles, the
+    noise as estimated is far too small, and hardly tells one time from another. `base` has the
+    effects that are in the model already. `may_give_up` changes nothing: the first times are quick
+    to test.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:
@@ -119,18 +121,34 @@ def pose_step(sensor, search, base, may_give_up=False):
     # at most `MOST_TIMES` times, evenly spaced in the number of the pose
     number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
-    spacing, log_tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
+    log_tries = np.log(2 * WITHIN * len(times))
     as_estimated = search.training_fit(base).evidence.as_estimated_mask
+    steps = [
+        _refine_time(sensor, search, base, times, log_tries, hypotheses)
+        for hypotheses in (as_estimated, np.ones_like(as_estimated))
+    ]
+    return search.best_variant(base, [step for step in steps if step], log_tries)
+
+
+def _refine_time(sensor, search, base, times, log_tries, hypotheses):
+    """Return the step of a sensor's bias, a SensorEffect, at the time that is clearest, or None.
+
+    The `times`, s, are tried first. If the best of them is clearer than chance, times ever closer
+    to it are tried, until they differ by `CLOSE`. The result is None if no step can be estimated.
+    `base` has the effects in the model, `log_tries` is the logarithm of the number of tries, and
+    `hypotheses`, (h,) of bool, the mask of the noise hypotheses by which the times are compared.
+    """
+    spacing = np.diff(times).max() / 2
     while True:
         variants = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        trials = [t for t in search.tests(base, variants, as_estimated) if t]
+        trials = [t for t in search.tests(base, variants, hypotheses) if t]
         if not trials:
             return None
-        clearest = min(trials, key=lambda t: t.log_p)
-        best = search.best_variant(base, [clearest.effect], log_tries)
-        if best is None or spacing < CLOSE or best.log_p > 0:
-            return best
-        (time,) = best.effect.effect.times
+        step = min(trials, key=lambda t: round(t.log_p, 6)).effect
+        log_p = search.test(base, step).log_p
+        if spacing < CLOSE or log_p + log_tries > 0:
+            return step
+        (time,) = step.effect.times
         times, spacing = time + spacing * np.array([0, -1, 1]), spacing / 2
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.factors.covariance import ResidualCovariance
-from imuloop.factors.rows import gravity_norm, rest_rate, rotation, velocity
+from imuloop.factors.rows import cross_matrix, gravity_norm, rest_rate, rotation, velocity
 from imuloop.model.state import BIAS, COUNT, NAMES, State
 
 
@@ -83,19 +83,19 @@ class Linearised:
         self.measured, self.state = measured, state
         rests, moves, factors = measured.rests, measured.moves, measured.factors
         # derivative of the sum of a sensor's effects with respect to their parameters: of the
-        # accelerometer at rests, of the gyroscope along moves
-        (of_force, _), (_, along) = measured.designs.values()
+        # accelerometer at rests, of the gyroscope at rests and along moves
+        (of_force, _), (at_rests, along) = measured.designs.values()
         self.sensors = {name: state.sensor(name) for name in SENSORS}
         self.force, self.turn = self.sensors.values()
         self.force_at_rest = self.force.values(rests.f, of_force)
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
         up = self.up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
-        # upward directions at the start and end of each rest, which differ if it tilts: the small
-        # rotations within it are calibrated as angular rates are
-        gain = measured.linearisation_point.sensor("gyroscope").gain.T
-        start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
-        self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
+        # upward directions at the start and end of each rest, which differ if it tilts: from its
+        # mean attitude the device rotates by a time multiplied by an angular rate
+        rate = self.turn.values(rests.w_to_ends, at_rests[:, None])
+        start, end = np.moveaxis(np.cross(up[:, None], rate * rests.to_ends_s[..., None]), 1, 0)
+        self.leaving, self.arriving = (up + end)[moves.first], (up + start)[moves.first + 1]
         # rotation vectors of the time steps
         turns = step_vectors(self.turn.values(moves.w, along), moves.steps, moves.uneven)
         half = exponential(turns / 2)
@@ -140,9 +140,16 @@ class Linearised:
         # the rate of a step is the mean of the rates at its ends
         by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
         terms = [MoveTerm(sensor="gyroscope", weights=by_rate, y=moves.w)]
-        for by_force, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
+        # a move starts at the end, 1, of a rest, and ends at the start, 0, of the next
+        ends = (rows.by_start, moves.first, 1), (rows.by_end, moves.first + 1, 0)
+        for by_force, rest, end in ends:
             weights, mean = by_force[:, None], rests.f[rest, None]
             terms.append(MoveTerm(sensor="accelerometer", weights=weights, y=mean, rest=rest))
+            # the rotation within a rest that tilts turns the direction of the force there
+            by_turn = by_force @ cross_matrix(self.force_at_rest[rest])
+            by_turn = by_turn * rests.to_ends_s[rest, end, None, None]
+            mean = rests.w_to_ends[rest, end, None]
+            terms.append(MoveTerm(sensor="gyroscope", weights=by_turn[:, None], y=mean, rest=rest))
         if rows.by_force is not None:
             by_force = rows.by_force * self.weights[..., None, None]
             terms.append(MoveTerm(sensor="accelerometer", weights=by_force, y=moves.f))

@@ -219,7 +219,7 @@ def simulate_steps(steps, now, calibration, recording):
     rest = replace(rest, session=session, start_s=start_s, end_s=start_s + rest_s)
     rest = replace(rest, power_cycle=-1 - session, w=to_nominal("gyroscope", zeros))
     rest = replace(rest, f=to_nominal("accelerometer", along[:, [0, -1]].reshape(-1, 3)))
-    rest = replace(rest, tilt=zeros[:, 0], to_start=zeros, to_end=zeros)
+    rest = replace(rest, tilt=zeros[:, 0], to_ends_s=zeros[:, :2])
     t, aliased = rest_s + _SHARE.T * move_s[:, None], recording.rotations.aliased
     temperature = None if rest.temperature is None else np.full(t.shape, rest.temperature[0])
     undersampling = aliased.mean() if len(aliased) else 0.0
