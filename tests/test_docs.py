@@ -187,7 +187,7 @@ def test_python_runs(results, monkeypatch, block):
 def test_the_c_example_compiles_and_runs(tmp_path):
     """With the header that is exported for a device, it prints six calibrated values."""
     compiler = shutil.which("cc") or pytest.skip("no C compiler `cc` on this machine")
-    header = C_HEADER.text(replace(exported_device(), device="my_imu"))
+    header = C_HEADER.text(replace(exported_device(), device="device"))
     (tmp_path / C_HEADER.file).write_text(header, encoding="utf-8")
     (example,) = blocks(REPOSITORY / "docs/exports.md", "c")
     (tmp_path / "main.c").write_text(example)
