@@ -1,4 +1,4 @@
-"""Draw how to record and how to judge: ``python docs/drawings.py`` writes the drawings next to it.
+"""Draw how to record, and the method: ``python docs/drawings.py`` writes the drawings next to it.
 
 Each drawing has its own background, so that it is readable on a light and on a dark page.
 """
@@ -279,11 +279,81 @@ def held_out():
     return "How an effect is chosen, and the meaning of the verdicts", about, 820, 290, drawn
 
 
+def sensor_model():
+    """Return the errors of the sensor model, one panel each, with the equation above them."""
+    drawn = [text(410, 36, "x = T · ( K · ( raw − b ) − e )", size=20)]
+    centers = (90, 250, 410, 570, 730)
+    names = ("bias b", "scale factor K", "misalignment T", "g-sensitivity, in e", "lever arm, in e")
+    meanings = (
+        "output at zero input",
+        "input per output",
+        "axes not square",
+        "gyroscope reads a rate",
+        "axes in different places",
+    )
+    seconds = ("", "", "", "at rest, by attitude", "feel a rotation differently")
+    for lines in zip(centers, names, meanings, seconds, strict=True):
+        x, name, meaning, second = lines
+        drawn += [text(x, 216, name), text(x, 238, meaning, "soft", size=12)]
+        drawn.append(text(x, 256, second, "soft", size=12))
+    tip, head = ' marker-end="url(#tip)"', ' marker-end="url(#head)"'
+    # output over input: the ideal sensor is dashed
+    for x, offset, slope in ((centers[0], 34, 1), (centers[1], 0, 1.45)):
+        drawn.append(path([(x - 60, 128), (x + 60, 128)], "line", 1.5, tip))
+        drawn.append(path([(x, 190), (x, 66)], "line", 1.5, tip))
+        drawn.append(path([(x - 50, 178), (x + 50, 78)], "good", 2, ' stroke-dasharray="6 4"'))
+        ends = [(x + run, 128 - offset - slope * run) for run in (-36, 28)]
+        drawn.append(path(ends, "arrow", 3))
+        drawn += [text(x + 58, 146, "input", "soft", "end", 12)]
+        drawn.append(text(x - 6, 74, "output", "soft", "end", 12))
+    drawn.append(path([(centers[0], 126), (centers[0], 98)], "arrow", 3, head))
+    drawn.append(text(centers[0] - 8, 122, "b", "turn", "end"))
+    # axes of the sensor next to square axes
+    x, y = centers[2] - 46, 178
+    for angle, ideal, name in ((8, 0, "x"), (79, 90, "y")):
+        for degrees, css, end in (
+            (ideal, "good", ' stroke-dasharray="6 4"'),
+            (angle, "arrow", head),
+        ):
+            c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+            drawn.append(path([(x, y), (x + 100 * c, y - 100 * s)], css, 2.5, end))
+        drawn.append(text(x + 114 * c, y - 112 * s, name, "turn"))
+    # a box at rest in two attitudes, and the rate that it reads
+    for x, up, high in ((centers[3] - 38, (0, 0, 1), 34), (centers[3] + 38, (1, 0, 0), 12)):
+        drawn += [box((x, 122), up, BOX * 0.6, axes=False), upward(x, 96, 22)]
+        drawn.append(
+            f'<rect class="turn" x="{x - 8:g}" y="{194 - high}" width="16" height="{high}"/>'
+        )
+        drawn.append(path([(x - 24, 194), (x + 24, 194)], "line", 1.5))
+    drawn.append(text(centers[3], 84, "f", "turn"))
+    drawn.append(text(centers[3], 182, "w", "turn"))
+    # two axes of an accelerometer on a body that turns
+    x, y = centers[4], 128
+    drawn.append(f'<rect class="side a" x="{x - 56}" y="88" width="112" height="84"/>')
+    ring = np.radians(np.linspace(200, 340, 40))
+    drawn.append(
+        path(np.stack([x + 66 * np.cos(ring), y + 62 * np.sin(ring)], 1), "arrow", 2.5, head)
+    )
+    for px, py, name in ((x - 34, y + 24, "z"), (x + 34, y - 6, "x")):
+        drawn.append(f'<circle class="mark" cx="{px}" cy="{py}" r="5"/>')
+        drawn.append(text(px, py - 10, name, "ink", size=13))
+    drawn.append(path([(x - 28, y + 21), (x + 26, y - 2)], "side", 2, tip))
+    drawn.append(text(x + 2, y + 26, "r", "ink"))
+    drawn.append(text(x + 70, 76, "w", "turn"))
+    about = (
+        "Five panels. Bias: the line of output over input is shifted. Scale factor: it is steeper. "
+        "Misalignment: the axes of the sensor are not square. G-sensitivity: a gyroscope at rest "
+        "reads a rate that depends on its attitude. Lever arm: the axes of the accelerometer lie "
+        "in different places of a body that turns."
+    )
+    return "The errors of the sensor model", about, 820, 276, drawn
+
+
 # by the name of the file
 DRAWINGS = {
     f"recording_{draw.__name__}": draw
     for draw in (session, attitudes, turns, static, faces, temperature)
-} | {"method_held_out": held_out}
+} | {"method_held_out": held_out, "method_sensor_model": sensor_model}
 
 
 def svg(title, about, width, height, drawn):

@@ -6,9 +6,11 @@ import os
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,8 @@ import pytest
 import yaml
 
 import imuloop
+from export.devices import C_HEADER
+from export.devices import device as exported_device
 from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.config_faults import config_faults
@@ -178,6 +182,19 @@ def test_python_runs(results, monkeypatch, block):
     if "calibrated" in names:
         found = (results - names["calibrated"])[list(CHANNELS)]
         np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)
+
+
+def test_the_c_example_compiles_and_runs(tmp_path):
+    """With the header that is exported for a device, it prints six calibrated values."""
+    compiler = shutil.which("cc") or pytest.skip("no C compiler `cc` on this machine")
+    header = C_HEADER.text(replace(exported_device(), device="device"))
+    (tmp_path / C_HEADER.file).write_text(header, encoding="utf-8")
+    (example,) = blocks(REPOSITORY / "docs/exports.md", "c")
+    (tmp_path / "main.c").write_text(example)
+    command = [compiler, "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
+    assert len(re.findall(r"-?\d+\.\d+", done.stdout)) == 6
 
 
 RESTING = "devices: {my_imu: {sessions: {rest: {kind: static, file: log.csv}}}}"
