@@ -59,6 +59,11 @@ class Log:
         clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
         return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
+    @cached_property
+    def step(self):
+        """Median time step, s."""
+        return np.median(np.diff(self.t))
+
     def evaluate(self, sensor, function, *constants, output=identity, align_other=identity):
         """Return the values of a function of a sensor's channels at all N samples, (N, …).
 

@@ -20,8 +20,16 @@ from imuloop.core.tables import joined
 # share of a rotation at either end that is too slow to be told from a rest, and the part of this
 # end, s, that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
-# columns that `aliased_turns` computes
+# columns of the table of rotations: of the candidates, and those that `aliased_turns` computes
+CANDIDATES = ("first", "start", "end", "force_clipped", "time_covariance")
 ALIASING = ("aliased", "fall", "aliasing_covariance")
+# the table without a row
+NO_ROTATIONS = {name: np.zeros(0, dtype=int) for name in ("first", "start", "end")}
+NO_ROTATIONS |= {"force_clipped": np.zeros(0, dtype=bool)}
+NO_ROTATIONS |= {"aliased": np.zeros(0), "fall": np.zeros(0)}
+NO_ROTATIONS |= dict.fromkeys(
+    ("time_covariance", "aliasing_covariance"), np.zeros((0, PARTS, 3, 3))
+)
 
 
 @dataclass(frozen=True)
@@ -96,12 +104,8 @@ class Lost:
 def gather_rotations(poses, logs, segments, longest_s):
     """Return the Rotations between consecutive poses of a session, and the Lost, those left out.
 
-    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
-    rotation also takes the nearest part of both poses: the rotation starts and ends too slowly to
-    be told from a rest, and the angle of these parts is larger than the noise of the added time.
-
-    A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
-    a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap, has a clipped angular
+    rate, or if missing samples make its angle too uncertain.
 
     Parameters
     ----------
@@ -115,53 +119,27 @@ def gather_rotations(poses, logs, segments, longest_s):
     Returns
     -------
     Rotations
-        The rotations that a fit can use.
+        The m rotations that a fit can use.
     Lost
         How many rotations were left out, and why.
     """
     # by session the table of its rotations; the first one, for a device without sessions, is empty
-    none = np.zeros(0, int)
-    empty = {"first": none, "start": none, "end": none, "session": none, "step": np.zeros(0)}
-    empty |= {"force_clipped": none > 0, "time_covariance": np.zeros((0, PARTS, 3, 3))}
-    tables = [empty | dict(zip(ALIASING, aliased_turns(*[()] * 6), strict=True))]
-    candidates, lost_runs, clipped_turns = 0, [], 0
-    # part of each pose that a slow rotation may take, s; none of a pose that tilts, because its
-    # fields `to_start` and `to_end` already have the rotation within it
-    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
+    tables, candidates, lost_runs, clipped_turns = [NO_ROTATIONS], 0, [], 0
     for session in np.unique(poses.session):
-        log, table = logs[session], segments[session]
-        # poses from which a rotation starts, and its start and end
-        pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
-        pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
-        start, end = poses.end_s[pose], poses.start_s[pose + 1]
-        onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
-        start, end = start - np.minimum(onset, room[pose]), end + np.minimum(onset, room[pose + 1])
-        is_gap = np.asarray(table["kind"]) == GAP
-        gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
-        crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
-        # `end_s` is exclusive: the last sample of the pose is the one before it
-        first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
+        log = logs[session]
+        turns = _find_candidates(poses, session, log, segments[session], longest_s)
+        accurate, clipped = turns["accurate"], turns["rate_clipped"]
+        candidates += len(accurate)
+        lost_runs += turns["lost"][~accurate].tolist()
+        clipped_turns += np.count_nonzero(accurate & clipped)
+        usable = {name: turns[name][accurate & ~clipped] for name in CANDIDATES}
         # the rate at rest before the rotation
-        bias, variance = poses.w[pose], poses.variance[pose, 3:]
-        covariance, accurate, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
-        accurate &= ~crosses_gap
-        # a rotation is clipped if the number of clipped samples rises between its ends
-        count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
-        rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
-        candidates += len(pose)
-        lost_runs += lost[~accurate].tolist()
-        clipped_turns += np.count_nonzero(accurate & rate_clipped)
-        usable = accurate & ~rate_clipped
-        columns = {"first": pose, "start": first, "end": last, "force_clipped": force_clipped}
-        columns |= {"session": np.full(len(pose), session), "time_covariance": covariance}
-        columns["step"] = np.full(len(pose), np.median(np.diff(log.t)))
-        turns = {name: column[usable] for name, column in columns.items()}
-        bias, variance, start, end = bias[usable], variance[usable], turns["start"], turns["end"]
-        aliasing = aliased_turns(log.t, log.w, begin=start, last=end, bias=bias, variance=variance)
-        tables.append(turns | dict(zip(ALIASING, aliasing, strict=True)))
+        bias, variance = poses.w[usable["first"]], poses.variance[usable["first"], 3:]
+        aliasing = aliased_turns(log.t, log.w, usable["start"], usable["end"], bias, variance)
+        tables.append(usable | dict(zip(ALIASING, aliasing, strict=True)))
     turns = joined(tables)
     # samples of each rotation, with the last one repeated up to the length of the longest
-    start, end, session = turns["start"], turns["end"], turns["session"]
+    start, end, session = turns.pop("start"), turns.pop("end"), poses.session[turns["first"]]
     length = np.max(end - start, initial=1) + 1
     rows = np.minimum(start[:, None] + np.arange(length), end[:, None])
 
@@ -173,7 +151,7 @@ def gather_rotations(poses, logs, segments, longest_s):
         values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
         return np.reshape(values, (*rows.shape, *shape))
 
-    t = along("t")
+    t, usual_step = along("t"), np.array([logs[s].step for s in session])
     rotations = Rotations(
         start_s=t[:, 0],
         end_s=t[:, -1],
@@ -181,9 +159,9 @@ def gather_rotations(poses, logs, segments, longest_s):
         w=along("w", 3),
         f=along("f", 3),
         temperature=None if poses.temperature is None else along("temperature"),
-        uneven=lost_samples(np.diff(t), turns["step"][:, None]) > 0,
+        uneven=lost_samples(np.diff(t), usual_step[:, None]) > 0,
         extra_at=middle_steps(end - start + 1),
-        **{name: turns[name] for name in ("first", "force_clipped", "time_covariance", *ALIASING)},
+        **turns,
     )
     return rotations, Lost(
         rotations=candidates,
@@ -191,3 +169,62 @@ def gather_rotations(poses, logs, segments, longest_s):
         longest=max(lost_runs, default=0),
         clipped=clipped_turns,
     )
+
+
+def _find_candidates(poses, session, log, segments, longest_s):
+    """Return the c rotations of a session that are short enough, a dict of columns, (c, …) each.
+
+    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
+    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
+    from a rest, and the angle of these parts is larger than the noise of the added time.
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses of all sessions.
+    session : int
+        Index of the session.
+    log, segments : Log, DataFrame or dict of arrays
+        Its log and the table of its segments.
+    longest_s : float
+        Longest rotation, s.
+
+    Returns
+    -------
+    dict of ndarray
+        ``first``, the index of the pose that the rotation starts from; ``start`` and ``end``, the
+        indices of its first and last sample; ``rate_clipped`` and ``force_clipped``, whether a
+        sensor reached the end of its range; ``time_covariance``, the covariance of its error by
+        missing samples and jitter; ``lost``, the largest number of samples dropped in a row; and
+        ``accurate``, whether its angle is known in spite of them.
+    """
+    first = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
+    first = first[poses.start_s[first + 1] - poses.end_s[first] <= longest_s]
+    start_s, end_s = poses.end_s[first], poses.start_s[first + 1]
+    # the part of either pose that a slow rotation takes; none of a pose that tilts, because its
+    # fields `to_start` and `to_end` already have the rotation within it
+    onset = np.maximum(ONSET * (end_s - start_s) - SEEN, 0.0)
+    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
+    start_s = start_s - np.minimum(onset, room[first])
+    end_s = end_s + np.minimum(onset, room[first + 1])
+    # the end of a pose is exclusive: its last sample is the one before
+    start, end = np.searchsorted(log.t, start_s) - 1, np.searchsorted(log.t, end_s)
+    # errors by missing samples, next to the noise of the rate at rest before the rotation
+    bias, variance = poses.w[first], poses.variance[first, 3:]
+    covariance, accurate, lost = errors_of_time(log.t, log.w, start, end, bias, variance)
+    is_gap = np.asarray(segments["kind"]) == GAP
+    gap_start, gap_end = (np.asarray(segments[c])[is_gap] for c in ("start_s", "end_s"))
+    crosses_gap = ((gap_start < end_s[:, None]) & (gap_end > start_s[:, None])).any(axis=1)
+    # the number of clipped samples before each sample rises within a rotation that has one
+    count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
+    rate_clipped, force_clipped = count[:, end + 1] > count[:, start]
+    return {
+        "first": first,
+        "start": start,
+        "end": end,
+        "rate_clipped": rate_clipped,
+        "force_clipped": force_clipped,
+        "time_covariance": covariance,
+        "lost": lost,
+        "accurate": accurate & ~crosses_gap,
+    }
