@@ -246,12 +246,12 @@ def on_gyroscope_clock(columns):
 def sums_over(values, ranges):
     """Return sums of values, (n, …), over half-open ranges of rows, (m, 2): an array (m, …).
 
-    No range may be empty, and only the last may end with the last row.
+    The ranges are in order; none is empty, and only the last may end with the last row.
     """
     edges = ranges.ravel()
-    # reduceat sums from each edge to the next, and from the last edge to the last row; every other
-    # sum is that of a range
-    edges = edges[: np.searchsorted(edges, len(values))]
+    # reduceat sums from each edge to the next, of which every other sum is that of a range. It
+    # takes no edge at the end of the values, and sums from the last edge to there
+    edges = edges[edges < len(values)]
     return np.add.reduceat(values, edges, axis=0)[::2]
 
 

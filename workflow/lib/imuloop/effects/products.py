@@ -101,11 +101,11 @@ def products(sensor, letters, reference_temperature=None):
     given. Products that are part of bias, scale factor or misalignment are left out.
     """
     outputs, formulas = [f"{letter}_{axis}" for letter in letters for axis in AXES], []
+    # the sensor's own outputs of degree one are scale factor and misalignment
+    in_base = [(name,) for name in outputs[:3] if name[0] == OUTPUTS[sensor]]
     for degree in range(1, DEGREE + 1):
         combinations = combinations_with_replacement(outputs, degree)
-        # the sensor's own outputs of degree one are scale factor and misalignment
-        in_base = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
-        formulas += [factors for factors in combinations if factors[0] not in in_base]
+        formulas += [factors for factors in combinations if factors not in in_base]
         # the temperature alone is an effect with a known cause, `bias_temperature`
         if reference_temperature is not None and degree > 1:
             combinations = combinations_with_replacement(outputs, degree - 1)

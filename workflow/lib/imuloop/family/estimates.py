@@ -43,13 +43,14 @@ def estimates_of_calibrations(calibrations):
     The result is a list with one Estimates per parameter. The values are in nominal SI, by the
     nominal scale of the data sheet; a scale factor is relative to the nominal one, minus 1.
     """
+    # sensor, name and unit of each parameter without effects
     names, values, std = parameters(), [], []
+    is_scale = np.array([name[0] == "K" for _, name, _ in names], dtype=float)
     for calibration in calibrations:
-        # parameters without effects
         state, covariance = state_of(calibration, ())
         # the log told nothing about these parameters: they are the prior's, and do not count
         is_prior = [name in getattr(calibration, sensor).unimproved for sensor, name, _ in names]
-        values.append(state.x - [name[0] == "K" for _, name, _ in names])
+        values.append(state.x - is_scale)
         std.append(np.where(is_prior, 0.0, np.sqrt(np.diag(covariance))))
     values, std = (np.where(np.array(std) > 0, x, np.nan) for x in (values, std))
     return [
