@@ -94,10 +94,5 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
         between = biases.var(axis=0, ddof=1) / len(cycles)
         bias = np.where(between > variance, biases.mean(axis=0), bias)
         variance = np.maximum(between, variance)
-    return replace(
-        nominal,
-        b=unit.from_si(bias),
-        names=("b0", "b1", "b2"),
-        covariance=np.diag(variance) / unit.scale**2,
-        method="static",
-    )
+    names, b, covariance = ("b0", "b1", "b2"), unit.from_si(bias), np.diag(variance / unit.scale**2)
+    return replace(nominal, b=b, names=names, covariance=covariance, method="static")

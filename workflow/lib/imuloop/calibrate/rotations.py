@@ -15,21 +15,10 @@ from imuloop.calibrate.undersampling import PARTS, aliased_turns, middle_steps
 from imuloop.core.errors import plural
 from imuloop.core.gaps import lost_samples
 from imuloop.core.segments import GAP
-from imuloop.core.tables import joined
 
 # share of a rotation at either end that is too slow to be told from a rest, and the part of this
 # end, s, that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
-# columns of the table of rotations: of the candidates, and those that `aliased_turns` computes
-CANDIDATES = ("first", "start", "end", "force_clipped", "time_covariance")
-ALIASING = ("aliased", "fall", "aliasing_covariance")
-# the table without a row
-NO_ROTATIONS = {name: np.zeros(0, dtype=int) for name in ("first", "start", "end")}
-NO_ROTATIONS |= {"force_clipped": np.zeros(0, dtype=bool)}
-NO_ROTATIONS |= {"aliased": np.zeros(0), "fall": np.zeros(0)}
-NO_ROTATIONS |= dict.fromkeys(
-    ("time_covariance", "aliasing_covariance"), np.zeros((0, PARTS, 3, 3))
-)
 
 
 @dataclass(frozen=True)
@@ -123,108 +112,86 @@ def gather_rotations(poses, logs, segments, longest_s):
     Lost
         How many rotations were left out, and why.
     """
-    # by session the table of its rotations; the first one, for a device without sessions, is empty
-    tables, candidates, lost_runs, clipped_turns = [NO_ROTATIONS], 0, [], 0
-    for session in np.unique(poses.session):
-        log = logs[session]
-        turns = _find_candidates(poses, session, log, segments[session], longest_s)
-        accurate, clipped = turns["accurate"], turns["rate_clipped"]
-        candidates += len(accurate)
-        lost_runs += turns["lost"][~accurate].tolist()
-        clipped_turns += np.count_nonzero(accurate & clipped)
-        usable = {name: turns[name][accurate & ~clipped] for name in CANDIDATES}
-        # the rate at rest before the rotation
-        bias, variance = poses.w[usable["first"]], poses.variance[usable["first"], 3:]
-        aliasing = aliased_turns(log.t, log.w, usable["start"], usable["end"], bias, variance)
-        tables.append(usable | dict(zip(ALIASING, aliasing, strict=True)))
-    turns = joined(tables)
+    # the c rotations that are short enough: index of the pose that each starts from, its session,
+    # the rate at rest there, and the ends
+    first = np.flatnonzero(poses.session[:-1] == poses.session[1:])
+    first = first[poses.start_s[first + 1] - poses.end_s[first] <= longest_s]
+    session, bias, variance = poses.session[first], poses.w[first], poses.variance[first, 3:]
+    start_s, end_s = _find_ends(poses, first)
+    # these are filled in session by session
+    start, end, lost = np.zeros((3, len(first)), dtype=int)
+    accurate, rate_clipped, force_clipped = np.zeros((3, len(first)), dtype=bool)
+    step, aliased, fall = np.zeros((3, len(first)))
+    time_covariance, aliasing_covariance = np.zeros((2, len(first), PARTS, 3, 3))
+    for s in np.unique(session):
+        log, table, rows = logs[s], segments[s], session == s
+        step[rows] = log.step
+        # the end of a pose is exclusive: its last sample is the one before
+        start[rows] = np.searchsorted(log.t, start_s[rows]) - 1
+        end[rows] = np.searchsorted(log.t, end_s[rows])
+        turns = {"begin": start[rows], "last": end[rows]}
+        turns |= {"bias": bias[rows], "variance": variance[rows]}
+        time_covariance[rows], accurate[rows], lost[rows] = errors_of_time(log.t, log.w, **turns)
+        is_gap = np.asarray(table["kind"]) == GAP
+        gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
+        crosses = (gap_start < end_s[rows, None]) & (gap_end > start_s[rows, None])
+        accurate[rows] &= ~crosses.any(axis=1)
+        # the number of clipped samples before each sample rises within a rotation that has one
+        count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
+        rate_clipped[rows], force_clipped[rows] = count[:, end[rows] + 1] > count[:, start[rows]]
+        rows &= accurate & ~rate_clipped
+        aliased[rows], fall[rows], aliasing_covariance[rows] = aliased_turns(
+            log.t, log.w, start[rows], end[rows], bias=bias[rows], variance=variance[rows]
+        )
+    usable = accurate & ~rate_clipped
+    start, end, session = start[usable], end[usable], session[usable]
     # samples of each rotation, with the last one repeated up to the length of the longest
-    start, end, session = turns.pop("start"), turns.pop("end"), poses.session[turns["first"]]
     length = np.max(end - start, initial=1) + 1
-    rows = np.minimum(start[:, None] + np.arange(length), end[:, None])
+    samples = np.minimum(start[:, None] + np.arange(length), end[:, None])
 
     def along(name, *shape):
         """Return the samples of a field of the logs along all rotations, (m, k, *shape).
 
         `name` is the name of the field, and `shape` is (3,) for a vector.
         """
-        values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
-        return np.reshape(values, (*rows.shape, *shape))
+        values = [getattr(logs[s], name)[i] for s, i in zip(session, samples, strict=True)]
+        return np.reshape(values, (*samples.shape, *shape))
 
-    t, usual_step = along("t"), np.array([logs[s].step for s in session])
+    t = along("t")
     rotations = Rotations(
+        first=first[usable],
         start_s=t[:, 0],
         end_s=t[:, -1],
         t=t,
         w=along("w", 3),
         f=along("f", 3),
         temperature=None if poses.temperature is None else along("temperature"),
-        uneven=lost_samples(np.diff(t), usual_step[:, None]) > 0,
+        uneven=lost_samples(np.diff(t), step[usable, None]) > 0,
         extra_at=middle_steps(end - start + 1),
-        **turns,
+        aliasing_covariance=aliasing_covariance[usable],
+        time_covariance=time_covariance[usable],
+        aliased=aliased[usable],
+        fall=fall[usable],
+        force_clipped=force_clipped[usable],
     )
     return rotations, Lost(
-        rotations=candidates,
-        left_out=len(lost_runs),
-        longest=max(lost_runs, default=0),
-        clipped=clipped_turns,
+        rotations=len(first),
+        left_out=int(np.sum(~accurate)),
+        longest=int(lost[~accurate].max(initial=0)),
+        clipped=int(np.sum(accurate & rate_clipped)),
     )
 
 
-def _find_candidates(poses, session, log, segments, longest_s):
-    """Return the c rotations of a session that are short enough, a dict of columns, (c, …) each.
+def _find_ends(poses, first):
+    """Return the start and the end of c rotations, s, (c,) each.
 
-    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
-    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
-    from a rest, and the angle of these parts is larger than the noise of the added time.
-
-    Parameters
-    ----------
-    poses : Poses
-        The poses of all sessions.
-    session : int
-        Index of the session.
-    log, segments : Log, DataFrame or dict of arrays
-        Its log and the table of its segments.
-    longest_s : float
-        Longest rotation, s.
-
-    Returns
-    -------
-    dict of ndarray
-        ``first``, the index of the pose that the rotation starts from; ``start`` and ``end``, the
-        indices of its first and last sample; ``rate_clipped`` and ``force_clipped``, whether a
-        sensor reached the end of its range; ``time_covariance``, the covariance of its error by
-        missing samples and jitter; ``lost``, the largest number of samples dropped in a row; and
-        ``accurate``, whether its angle is known in spite of them.
+    A rotation lasts from the end of a pose to the start of the next pose. A slow rotation also
+    takes the nearest part of both poses: it starts and ends too slowly to be told from a rest, and
+    the angle of these parts is larger than the noise of the added time. A pose that tilts gives no
+    part, because its fields `to_start` and `to_end` already have the rotation within it. Takes the
+    Poses and the index of the first pose of each rotation, (c,).
     """
-    first = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
-    first = first[poses.start_s[first + 1] - poses.end_s[first] <= longest_s]
     start_s, end_s = poses.end_s[first], poses.start_s[first + 1]
-    # the part of either pose that a slow rotation takes; none of a pose that tilts, because its
-    # fields `to_start` and `to_end` already have the rotation within it
     onset = np.maximum(ONSET * (end_s - start_s) - SEEN, 0.0)
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
-    start_s = start_s - np.minimum(onset, room[first])
-    end_s = end_s + np.minimum(onset, room[first + 1])
-    # the end of a pose is exclusive: its last sample is the one before
-    start, end = np.searchsorted(log.t, start_s) - 1, np.searchsorted(log.t, end_s)
-    # errors by missing samples, next to the noise of the rate at rest before the rotation
-    bias, variance = poses.w[first], poses.variance[first, 3:]
-    covariance, accurate, lost = errors_of_time(log.t, log.w, start, end, bias, variance)
-    is_gap = np.asarray(segments["kind"]) == GAP
-    gap_start, gap_end = (np.asarray(segments[c])[is_gap] for c in ("start_s", "end_s"))
-    crosses_gap = ((gap_start < end_s[:, None]) & (gap_end > start_s[:, None])).any(axis=1)
-    # the number of clipped samples before each sample rises within a rotation that has one
-    count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
-    rate_clipped, force_clipped = count[:, end + 1] > count[:, start]
-    return {
-        "first": first,
-        "start": start,
-        "end": end,
-        "rate_clipped": rate_clipped,
-        "force_clipped": force_clipped,
-        "time_covariance": covariance,
-        "lost": lost,
-        "accurate": accurate & ~crosses_gap,
-    }
+    return start_s - np.minimum(onset, room[first]), end_s + np.minimum(onset, room[first + 1])

@@ -14,6 +14,7 @@ from imuloop.core.samples import (
     at_rail,
     holds,
     own_rows,
+    sums_over,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
@@ -114,7 +115,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
-        railed = _at_rail(rows, rests, rails)
+        clipped = at_rail(rows, rails, ACCELERATION).astype(float)
+        railed = sums_over(clipped, rests) / lengths(rests) > LEAST_RAILED
         metadata["railed_rests"] = int(railed.sum())
     kinds = np.where(railed, DISTURBED, STATIC).astype(object)
     others = MOTION if has_motion else DISTURBED
@@ -178,18 +180,6 @@ def _between_disturbances(rows, stretches, step, settings):
     # ranges of rows become ranges of the slower sensor's samples, and the result ranges of rows
     stretches, step = np.searchsorted(first, stretches), np.median(np.diff(rows[TIME][first]))
     return edges[undisturbed_ranges(means, stretches, step, settings)]
-
-
-def _at_rail(rows, rests, rails):
-    """Return whether the specific force is clipped in each rest, (m,) of bool.
-
-    Takes Samples, the ranges of rows of the rests, (m, 2), and the ends of the range of each
-    channel, (low, high) by name.
-    """
-    names = (TIME, *ACCELERATION)
-    logs = (dict(zip(names, rows.read(names, *rest), strict=True)) for rest in rests.tolist())
-    shares = [at_rail(log, rails, ACCELERATION).mean() for log in logs]
-    return np.array(shares, dtype=float) > LEAST_RAILED
 
 
 def _find_rests(rows, stretches, step, settings):

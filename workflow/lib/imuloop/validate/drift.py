@@ -195,25 +195,25 @@ def _test(log, turn_on, level):
     `turn_on` holds, by sensor, the standard deviations of the three biases between power cycles,
     SI. `level` is the level of each family of tests: each parameter, and all of a sensor together.
     """
-    old, old_covariance = log.prior
-    tests = {name: log.testable(name) for name in log.factors.sensors}
-    # each column is a change that the log determines, as a change of all parameters
-    basis, scatter = np.hstack([test.basis for test in tests.values()]), np.zeros(len(old.x))
+    (old, old_covariance), scatter = log.prior, np.zeros(len(log.prior[0].x))
     for name in SENSORS:
         scatter[log.places(name, BIASES)] = np.square(turn_on[name])
-    # the log alone determines the change of a bias, so the scatter adds to the error of this
-    # change, below. In the covariance S of the residuals it would hide the noise, as the derivative
-    # is not quite the same at the old and at the new parameters; S has the scatter only in the
-    # directions that are not fitted, on which `hidden` projects
+    # each column is a change that the log determines, as a change of all parameters
+    tests = {name: log.testable(name) for name in log.factors.sensors}
+    basis = np.hstack([test.basis for test in tests.values()])
+    # the scatter of a bias between power cycles adds to the error of a change that is fitted. In
+    # the covariance of the residuals it would hide the noise, as their derivative is not quite the
+    # same at the old and at the new parameters; so there it has only the part `hidden`, the
+    # projection on the directions that are not fitted
     hidden = np.eye(len(basis)) - basis @ basis.T
     change, measured, expected = log.fit_change(basis, old_covariance + hidden * scatter @ hidden)
     covariance = measured + basis.T * scatter @ basis
     std = np.sqrt(np.diag(covariance))
     p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
-    scaled = [name in SCALES for test in tests.values() for name in test.names]
+    is_scale = [name in SCALES for test in tests.values() for name in test.names]
     numbers = np.array([change, np.sqrt(np.diag(measured)), std])
-    numbers /= np.where(scaled, basis.T @ old.x, 1.0)
+    numbers /= np.where(is_scale, basis.T @ old.x, 1.0)
     rows = np.column_stack([*numbers, change / std, p_values, holm(p_values)]).tolist()
     # the joint test of each sensor: its part of the changes, χ², and the p-value
     counts = [len(test.names) for test in tests.values()]

@@ -138,7 +138,9 @@ class NewLog:
 
         Groups of parameters are added in order: the bias, the scale factors, the misalignments, and
         each effect. A group is left out if the log does not determine it together with the groups
-        before; its parameters keep the values and errors of the calibration.
+        before; its parameters keep the values and errors of the calibration. If the log does not
+        determine the whole bias either, the changes are the directions of it that the log
+        determines.
         """
         (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
@@ -151,24 +153,26 @@ class NewLog:
         determined, missed = [], []
         for group in filter(None, groups.values()):
             tried, new = (self.places(sensor, names) for names in ([*determined, *group], group))
-            worst = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
-            # the bias needs as many residuals as parameters, all further groups one more
+            # the bias may have any error, and needs as many residuals as parameters; further groups
+            # need one more
+            largest = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
             enough = len(whitened) >= len(tried) + bool(determined)
-            if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= worst):
+            if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= largest):
                 determined += group
             else:
                 missed += group
         why = f"not determined by {self.describe_data(sensor)}" if missed else None
         basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
         if not determined:
-            # the log does not determine the whole bias: only some directions of it
             why += ", but for its bias along gravity"
             _, size, axes = np.linalg.svd(whitened @ basis)
             axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
             # the largest component of a direction is positive
             axes = np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
+            # the sum with zero removes the sign of -0.0
             determined = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
             basis = basis @ axes.T
+        # a change has the unit of any parameter that it changes
         units = tuple(old.units[k] for k in np.argmax(basis != 0, axis=0))
         return Testable(
             basis=basis, names=tuple(determined), units=units, untested=tuple(missed), why=why
@@ -177,15 +181,18 @@ class NewLog:
     def fit_change(self, basis, prior):
         """Fit the change of the old parameters along the q columns of a basis, (p, q).
 
-        `prior`, (p, p), is the covariance of the old parameters.
+        The residuals that the old parameters leave have the covariance S, by the noise of the new
+        log and by the errors of the old parameters, whose covariance is `prior`, (p, p). The fit
+        weights them by the inverse of S. If the residuals of a sensor are larger than their noise
+        even with the new parameters, the noise of this sensor is enlarged, and the fit is repeated.
 
         Returns
         -------
         ndarray, shape (q,), and ndarray, shape (q, q)
             The change and its covariance.
         ndarray, shape (n, n)
-            Covariance of the residuals with the old parameters. The noise is enlarged if the new
-            log fits worse than its noise with any parameters.
+            The covariance S of the n residuals that the old parameters leave, with the enlarged
+            noise.
         """
 
         def linearise(change):
@@ -194,16 +201,16 @@ class NewLog:
             return SimpleNamespace(residual=factors.residual, jacobian=factors.jacobian @ basis)
 
         jacobian = self.unchanged.jacobian
-        # covariance of the residuals by the errors of the old parameters
-        by_prior, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
+        by_prior = jacobian @ prior @ jacobian.T
         start = fit(linearise, np.zeros(basis.shape[1]), self.noise + by_prior).x
         at_start = linearise(start)
         groups = [self.owners == sensor for sensor in self.factors.sensors]
         squares, _ = chi_square(at_start.residual, self.noise + by_prior, at_start.jacobian, groups)
+        factor = np.ones(len(jacobian))
         for of_sensor, (square, dof) in zip(groups, squares, strict=True):
             if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
-                size[of_sensor] = np.sqrt(square / dof)
-        expected = self.noise * np.outer(size, size) + by_prior
+                factor[of_sensor] = np.sqrt(square / dof)
+        expected = self.noise * np.outer(factor, factor) + by_prior
         solution = fit(linearise, start, expected)
         return solution.x, solution.covariance, expected
 
