@@ -94,8 +94,9 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
         known=prior_rows(prior, turns, bias),
         method=recording.kind,
     )
-    # variance of each residual by its kind
-    variance = np.array([START[kind] ** 2 for kind in joint.factors.rows(recording)[1].tolist()])
+    # all residuals of a kind have one variance
+    _, kinds = joint.factors.rows(recording)
+    variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
     linearise = joint.measure(start, recording).at
     try:
         rough = fit(linearise, x0=start, covariance=variance, prior=joint.known)
@@ -232,6 +233,9 @@ def calibrate_device(
     *, device, gravity, sessions, noise, settings, six_path, multi_path, prior=None
 ):
     """Write the six-position and the multi-position calibration of a device, JSON files.
+
+    Turns of a known angle or rate are part of the multi-position calibration. A device that only
+    rested gets the bias of its gyroscope from the static sessions.
 
     Parameters
     ----------

@@ -248,7 +248,7 @@ def change_of_sensor(sensor, recording):
     The result is None if the sensor, given by its name, did not change, if the recording has
     several sessions, or if the recording has too few poses or rotations to tell.
     """
-    poses, (what, name) = recording.poses, WORDS[sensor]
+    poses, (measurements, part) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
     if len(table) < PARTS[sensor] + CHANGED or not sensors_work(poses) or np.ptp(poses.session):
@@ -257,11 +257,12 @@ def change_of_sensor(sensor, recording):
     if k is None:
         return None
     time = (table.end_s[k - 1] + table.start_s[k]) / 2
-    return time, (
-        f"{name} changed at about {time:.4g} s: the "
-        f"{k} {what} before contradict the {len(table) - k} after; was its range, scale, "
-        "mounting or clock changed there, or were logs joined? Calibrate one part: time_range"
+    sentence = (
+        f"{part} changed at about {time:.4g} s: the {k} {measurements} before contradict the "
+        f"{len(table) - k} after; was its range, scale, mounting or clock changed there, or were "
+        "logs joined? Calibrate one part: time_range"
     )
+    return time, sentence
 
 
 def why_changed(sensor, recording):

@@ -242,8 +242,10 @@ def add_tilt_turns(poses, logs):
         mean_turn = turned.mean(axis=0)
         # a pose that was interrupted has samples between its rests, and keeps their means
         if len(t) == poses.n[k]:
-            # the window of scipy also has the zeros before the first and after the last sample
-            weights = tukey(len(t) + 2, min(2 * FADE / poses.duration_s[k], 1.0))[1:-1]
+            # the share of the window that is tapered, at both ends; scipy's window also has the
+            # zeros before the first and after the last sample
+            tapered = min(2 * FADE / poses.duration_s[k], 1.0)
+            weights = tukey(len(t) + 2, tapered)[1:-1]
             mean_turn, mean_f, mean_w = (
                 np.average(x, axis=0, weights=weights) for x in (turned, f, w)
             )

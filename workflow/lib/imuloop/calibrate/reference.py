@@ -60,11 +60,12 @@ def read_reference(sessions, calibration):
     ``samples`` and ``segments``. The Calibration of the device is applied to the logs without the
     effects that depend on time, or on channels that not every log has.
     """
-    logs = {}
+    logs, sensors = {}, {}
     for name in SENSORS:
         sensor = getattr(calibration, name)
         steady = tuple(e for e in sensor.effects if not (e.effect.timed or e.effect.needs))
-        calibration = replace(calibration, **{name: replace(sensor, effects=steady)})
+        sensors[name] = replace(sensor, effects=steady)
+    calibration = replace(calibration, **sensors)
     for name, session in sessions.items():
         metadata = read_metadata(session["samples"]).get("reference") or {}
         if session["kind"] == "reference_motion" and "noise" in metadata:
@@ -72,6 +73,7 @@ def read_reference(sessions, calibration):
             log, frame = Log.of(samples), np.array(metadata["frame"])
             f, w = calibration.calibrated(log.f, log.w, log.t, temperature=None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
+            # not-a-number where the reference was lost
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
             # a reference without positions has no noise of them
@@ -161,6 +163,7 @@ class Windows:
                 # touch
                 first += round(TURN / step) + 5
             else:
+                # try again a little later
                 first += 1 + half // 10
         return np.array(windows, int).reshape(-1, 4)
 
@@ -294,7 +297,8 @@ class Places(Windows):
         ends = np.column_stack([self.first, self.middle, self.last])
         self.attitude, self.place = (self.read_logs(name, ends) for name in ("attitude", "place"))
         up = self.subtract_motion(self.read_logs("f", self.rows), np.zeros((1, 3, 1)))
-        # first estimate of the upward direction of each session, without mounting and arm
+        # first estimate of the upward direction of each session, without mounting and arm; any for
+        # a session without windows
         by_session = (up[self.session == s] / self.gravity for s in range(len(self.logs)))
         self.up = np.array([np.median(u, axis=0) if len(u) else np.eye(3)[2] for u in by_session])
 

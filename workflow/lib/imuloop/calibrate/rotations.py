@@ -72,22 +72,23 @@ class Lost:
     @property
     def reason(self):
         """Why rotations were left out, text; empty if none was."""
-        left_out = (
-            f"; {self.left_out} of {self.rotations} turns lost up to "
-            f"{plural(self.longest, 'sample')} in a row and are left out"
-        )
-        clipped = (
-            f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's range "
-            "and are left out: choose a wider range or turn more slowly"
-        )
-        return left_out * bool(self.left_out) + clipped * bool(self.clipped)
+        text = ""
+        if self.left_out:
+            lost = plural(self.longest, "sample")
+            text += f"; {self.left_out} of {self.rotations} turns lost up to {lost} in a row and "
+            text += "are left out"
+        if self.clipped:
+            text += f"; {self.clipped} of {self.rotations} turns reached the end of the "
+            text += "gyroscope's range and are left out: choose a wider range or turn more slowly"
+        return text
 
     @property
     def rests_reason(self):
         """Why rests were left out, text; empty if none was."""
+        if not self.railed:
+            return ""
         rests = plural(self.railed, "rest")
-        reason = f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
-        return reason * bool(self.railed)
+        return f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
 
 
 def gather_rotations(poses, logs, segments, longest_s):

@@ -32,6 +32,7 @@ def exponential(vectors):
     """Return the quaternions, (..., 4), of rotation vectors, rad, (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     half = np.sqrt(x * x + y * y + z * z) / 2
+    # sine of half the angle over the length of the vector, and its limit for the vector zero
     scale = np.divide(np.sin(half), 2 * half, out=np.full_like(half, 0.5), where=half > 0)
     return np.stack([np.cos(half), scale * x, scale * y, scale * z], axis=-1)
 

@@ -143,6 +143,7 @@ def read_columns(path, columns=None):
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
     columns = {name: table[name].to_numpy() for name in table.column_names}
+    # arrays of Arrow may be read-only
     return {name: np.require(x, requirements="W") for name, x in columns.items()}
 
 
@@ -228,7 +229,7 @@ def on_gyroscope_clock(columns):
     its specific force is averaged over the samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
-    # only the slower sensor has a column for its time stamps
+    # only the slower sensor has a column for its time stamps; several rows repeat its sample
     if gyroscope_time in columns:
         first = own_rows(columns[gyroscope_time])
         count = np.diff(np.append(first, len(columns[gyroscope_time])))

@@ -66,10 +66,13 @@ def vibration(channels):
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # one axis at a time, to save memory
     for output in np.transpose(channels.output):
-        before = moving_mean(t, fast_part(t, output[:, None], PERIOD) ** 2, WINDOW)[:, 0]
-        # the mean square after a sample is the one before the last sample of the window after it;
+        # slower changes, as in a turn, are not vibration
+        vibrating = fast_part(t, output[:, None], PERIOD)
+        before = moving_mean(t, vibrating**2, WINDOW)[:, 0]
+        # the mean square after a sample is the one before the last sample of the window after it
+        smaller = np.minimum(before, before[last])
         # rounding of large sums may make small mean squares negative
-        squares.append(np.maximum(np.minimum(before, before[last]), 0.0))
+        squares.append(np.maximum(smaller, 0.0))
     return np.column_stack(squares)
 
 

@@ -75,8 +75,9 @@ class Product(Effect):
         ``output`` stands for the SI unit of the sensor.
         """
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
-        units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
-        return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
+        units = [f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items()]
+        product = f"({' '.join(units)})" if len(units) > 1 else units[0]
+        return {f"c{self.axis}": f"output per {product}"}
 
     def design(self, channels):
         """Return the derivative of e with respect to c, the product on its axis, (n, 3, 1)."""

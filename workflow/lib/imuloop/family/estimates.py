@@ -53,15 +53,10 @@ def estimates_of_calibrations(calibrations):
         values.append(state.x - is_scale)
         std.append(np.where(is_prior, 0.0, np.sqrt(np.diag(covariance))))
     values, std = (np.where(np.array(std) > 0, x, np.nan) for x in (values, std))
+    columns = zip(names, values.T, std.T, strict=True)
     return [
-        Estimates(
-            name=f"{sensor}.{name}",
-            unit=unit,
-            logarithmic=False,
-            values=values[:, i],
-            std=std[:, i],
-        )
-        for i, (sensor, name, unit) in enumerate(names)
+        Estimates(f"{sensor}.{name}", unit, logarithmic=False, values=y, std=error)
+        for (sensor, name, unit), y, error in columns
     ]
 
 
@@ -76,7 +71,8 @@ def estimates_of_noise(noises):
             for channel in channels:
                 pairs = [logarithm(getattr(noise.axes[channel], term)) for noise in noises]
                 values, std = np.transpose(pairs)
-                estimates.append(Estimates(f"{channel}.{term}", unit, True, values, std))
+                name = f"{channel}.{term}"
+                estimates.append(Estimates(name, unit, logarithmic=True, values=values, std=std))
     return estimates
 
 

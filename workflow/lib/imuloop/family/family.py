@@ -152,7 +152,8 @@ def effects(members):
     outcomes = {effect: o for effect, o in outcomes.items() if len(o) >= LEAST}
     p_values = []
     for by_device in outcomes.values():
-        # a p-value of zero has no logarithm
+        # the n - u + 1 largest of n p-values test whether fewer than u = ⌈n/2⌉ devices have the
+        # effect; a p-value of zero has no logarithm
         p = np.sort([max(p, 1e-300) for p, _ in by_device.values()])
         larger = p[(len(p) + 1) // 2 - 1 :]
         p_values.append(chdtrc(2 * len(larger), -2 * np.log(larger).sum()))

@@ -62,6 +62,7 @@ def expected_error(f):
     freedom = len(f) - np.trace(solver @ design)
     variance = (residual @ residual + POSE_NORM**2) / chdtri(freedom + 1, 0.95)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
+    # the mean of xᵀ C x follows from the mean of x xᵀ, with C in units of the prior
     return float(np.sqrt(_PRIOR @ (covariance * _MOMENTS) @ _PRIOR))
 
 
@@ -77,7 +78,7 @@ def attitudes(force, rests):
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     # two unit vectors with the angle θ are 2 sin(θ/2) apart
     apart = np.linalg.norm(np.diff(u, axis=0), axis=1) > 2 * np.sin(SAME_ATTITUDE / 2)
-    # index of the attitude of each rest
+    # index of the attitude of each rest, and sums over the rests of each attitude
     attitude = np.append(0, np.cumsum(apart))
     samples = np.bincount(attitude, lengths(rests))
     return np.column_stack([np.bincount(attitude, x) for x in sums.T]) / samples[:, None]

@@ -159,7 +159,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
     # in each range, sums over `half` samples, which start `apart` samples apart
-    sums = [_double_sums(x[:, i:j], 1, 2) for i, j in ranges]
+    sums = [_double_sums(x[:, i:j], lag=1, thin=2) for i, j in ranges]
     while half * step <= settings.longest_scale_s:
         # number of second differences without overlap
         separate = int((lengths(ranges) // (3 * half)).sum())
@@ -173,10 +173,12 @@ def _find_cuts(x, ranges, floor, step, settings):
             (s[:, : -2 * lag] - 2 * s[:, lag:-lag] + s[:, 2 * lag :]) / np.sqrt(6 * half)
             for s in sums
         ]
+        # some of them determine the covariance
         every = sum(d.shape[1] for d in differences) // MOST + 1
         sample = np.hstack([d[:, ::every] for d in differences]).T
         covariance = robust_covariance(sample, floor)
         bound = squared_distance_limit(settings.false_alarm / n, 6, min(separate, len(sample)))
+        # sums of few samples show single outliers of the sensor
         bound *= LONE_FACTOR**2 if half < LONE else 1.0
         for start, s, d in zip(ranges[:, 0], sums, differences, strict=True):
             first, marks = _find_large(s, d, half, covariance, bound, guard)
@@ -186,7 +188,8 @@ def _find_cuts(x, ranges, floor, step, settings):
             if is_new.any():
                 cuts = merged(np.concatenate([cuts, start + marks[is_new]]))
         half *= 2
-        sums = [_double_sums(s, lag, 2 if half <= SPACING else 1) for s in sums]
+        # sums over twice as many samples; they start twice as far apart, up to the spacing
+        sums = [_double_sums(s, lag, thin=2 if half <= SPACING else 1) for s in sums]
     return np.clip(cuts, 0, n)
 
 
@@ -214,6 +217,7 @@ def _find_large(sums, differences, half, covariance, bound, guard):
     """
     distance, spacing = squared_distance(differences.T, covariance), min(half, SPACING)
     large, lag = distance > bound, half // spacing
+    # a second difference is short if it is no longer than what is cut around a disturbance
     if 3 * half <= max(guard, SPACING):
         first = spacing * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]

@@ -76,10 +76,12 @@ def activity(force, rate, stretches, window):
             variances[1, i:j] += variance
     # an accelerometer measures gravity at rest: zeros are not measurements
     variances[0, ~force.any(axis=0)] = np.inf
-    for sensor, x in zip(variances, (force, rate), strict=True):
-        if np.isfinite(variances[0]).any():
-            level = np.quantile(sensor[np.isfinite(variances[0])], 0.05)
-            sensor /= max(level, 3 * rounding_variance(x.T))
+    has_window = np.isfinite(variances[0])
+    if has_window.any():
+        for variance, x in zip(variances, (force, rate), strict=True):
+            level = np.quantile(variance[has_window], 0.05)
+            # the variance is a sum of three axes, each of which is rounded
+            variance /= max(level, 3 * rounding_variance(x.T))
     return Activity(variances, means, window)
 
 

@@ -145,11 +145,11 @@ def without_tilts(f, w, rests, bias, step):
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
+        # stretches of parts without a tilt, and the samples from the first part to the last
         still = stretches_of(tilts == 0)
-        spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0]
-        if spans.max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
-            first, end = still[np.argmax(spans)]
-            kept[k] = parts[first, 0], parts[end - 1, 1]
+        samples = np.column_stack([parts[still[:, 0], 0], parts[still[:, 1] - 1, 1]])
+        if lengths(samples).max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
+            kept[k] = samples[np.argmax(lengths(samples))]
         else:
             tilt[k] = np.sqrt(np.mean(tilts**2))
     return kept, tilt

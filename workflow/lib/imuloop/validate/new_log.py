@@ -95,7 +95,7 @@ class NewLog:
         tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
         self.factors = Factors(gravity or calibration.gravity, tested)
         self.owners = self.factors.owners(self.recording)
-        self.kinds = self.factors.rows(self.recording)[1]
+        _, self.kinds = self.factors.rows(self.recording)
 
     @cached_property
     def noise(self):
@@ -129,8 +129,9 @@ class NewLog:
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
-        # a turn has several residuals
-        turns = np.count_nonzero(self.kinds == "rotation") // KINDS["rotation"][1]
+        # a turn has several residuals, its components
+        _, components = KINDS["rotation"]
+        turns = np.count_nonzero(self.kinds == "rotation") // components
         return f"{rests} and {turns} turn(s) between them"
 
     def testable(self, sensor):
@@ -223,15 +224,11 @@ class NewLog:
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
+            unit, _ = KINDS[kind]
             of_kind = squares[:, self.kinds == kind]
-            if of_kind.size:
+            if n := of_kind.shape[1]:
                 rms, floor = np.sqrt(of_kind.mean(axis=1)).tolist()
-                result[kind] = {
-                    "unit": KINDS[kind][0],
-                    "n": of_kind.shape[1],
-                    "rms": rms,
-                    "floor": floor,
-                }
+                result[kind] = {"unit": unit, "n": n, "rms": rms, "floor": floor}
         return result
 
 
