@@ -204,6 +204,7 @@ def find_change(errors, fewest, least):
         Least size of an error that contradicts, in the unit of the errors.
     """
     n, splits = len(errors.values), []
+    # without enough large errors, no part can contradict the other
     if np.sum(errors.sizes() > least) < CHANGED * MOST:
         return None
     for k in range(CHANGED, n - CHANGED + 1):

@@ -59,11 +59,6 @@ class Log:
         clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
         return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
-    @cached_property
-    def step(self):
-        """Median time step, s."""
-        return np.median(np.diff(self.t))
-
     def channels(self, sensor, output=identity, align_other=identity):
         """Return the inputs of an effect of a sensor at all N samples, LoggedChannels.
 

@@ -126,7 +126,7 @@ def gather_rotations(poses, logs, segments, longest_s):
     time_covariance, aliasing_covariance = np.zeros((2, len(first), PARTS, 3, 3))
     for s in np.unique(session):
         log, table, rows = logs[s], segments[s], session == s
-        step[rows] = log.step
+        step[rows] = np.median(np.diff(log.t))
         # the end of a pose is exclusive: its last sample is the one before
         start[rows] = np.searchsorted(log.t, start_s[rows]) - 1
         end[rows] = np.searchsorted(log.t, end_s[rows])

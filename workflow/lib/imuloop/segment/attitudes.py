@@ -36,9 +36,9 @@ def expected_error(f):
     of the attitudes. The result is the root of the mean of xᵀ C x over all directions.
 
     σ² is its upper 95 % limit by the sum S of the squared residuals, (S + ε²) / χ²(0.05; ν + 1).
-    ν = n − tr H are its degrees of freedom, with the hat matrix H, and ε is `POSE_NORM`, a prior
-    of the weight of one attitude. So more attitudes reduce C, worse ones increase σ, and a small
-    residual of few attitudes does not count.
+    ν = n − tr H are its degrees of freedom. H is the hat matrix of a fit with the prior and with
+    σ = ε; ε is `POSE_NORM`, a prior of σ with the weight of one attitude. So more attitudes reduce
+    C, worse ones increase σ, and a small residual of few attitudes does not count.
 
     References
     ----------
@@ -55,7 +55,7 @@ def expected_error(f):
     # in units of the prior's standard deviations, so that P is the unit matrix
     design = np.hstack([quadratic, u]) * _PRIOR
     error = (np.sum(u * u, axis=1) - 1) / 2
-    # H is X times `solver`, and has the trace of `solver` times X
+    # H is the design times `solver`, and has the trace of `solver` times the design
     normal = design.T @ design
     solver = np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
     residual = error - design @ (solver @ error)
