@@ -62,9 +62,9 @@ class Log:
     def channels(self, sensor, output=identity, align_other=identity):
         """Return the inputs of an effect of a sensor at all N samples, LoggedChannels.
 
-        `sensor` is the name of the sensor. `output` converts its values, nominal SI, (N, 3), to ``K
-        (raw - b)``, SI. `align_other` converts values of the other sensor to calibrated ones. By
-        default both stay in nominal SI.
+        `sensor` is the name of the sensor. `output` converts its values from nominal SI, (N, 3), to
+        ``K (raw - b)``, SI. `align_other` converts values of the other sensor to calibrated ones.
+        By default both stay in nominal SI.
         """
         own_name, other_name = OWN[sensor]
         return LoggedChannels(

@@ -130,11 +130,11 @@ class LeverArm(Effect):
         is the first row of A, that of e_y with respect to r_y the second.
         """
         w, change = channels.other, channels.evaluate_memory(other_slope)
-        # w × (w × r) = w (w·r) - r (w·w); the columns of the other term are dw/dt × the unit
-        # vectors
-        square = np.sum(w**2, axis=1)[:, None, None]
-        A = w[:, :, None] * w[:, None] - square * np.eye(3)
-        A = A + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
+        # w × (w × r) = w (w·r) - r (w·w)
+        outer, square = w[:, :, None] * w[:, None], np.sum(w**2, axis=1)[:, None, None]
+        # the columns of this matrix are dw/dt × the unit vectors
+        cross = np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
+        A = outer - square * np.eye(3) + cross
         design = np.zeros((len(w), 3, 6))
         design[:, 0, :3], design[:, 1, 3:] = A[:, 0], A[:, 1]
         return design

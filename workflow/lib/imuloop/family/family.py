@@ -123,6 +123,7 @@ def compare_parameter(estimates, members):
         "mean_std": np.sqrt(model.mean_variance[0]),
         "spread": np.sqrt(model.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
+        # the usual error of a value by its own device
         "within": np.sqrt(np.mean(std**2)),
         "devices": [m.name for m, counts in zip(members, has_value, strict=True) if counts],
         "values": to_value(y),

@@ -217,7 +217,7 @@ def _find_large(sums, differences, half, covariance, bound, guard):
     """
     distance, spacing = squared_distance(differences.T, covariance), min(half, SPACING)
     large, lag = distance > bound, half // spacing
-    # a second difference is short if it is no longer than what is cut around a disturbance
+    # a second difference is short if it is no longer than the guard, or than the spacing
     if 3 * half <= max(guard, SPACING):
         first = spacing * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]

@@ -166,13 +166,11 @@ class NewLog:
         basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
         if not determined:
             why += ", but for its bias along gravity"
-            _, size, axes = np.linalg.svd(whitened @ basis)
-            axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
-            # the largest component of a direction is positive
-            axes = np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
+            directions = _determined_directions(whitened @ basis)
             # the sum with zero removes the sign of -0.0
-            determined = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
-            basis = basis @ axes.T
+            rounded = np.round(directions, 2) + 0.0
+            determined = ["b along ({}, {}, {})".format(*u) for u in rounded]
+            basis = basis @ directions.T
         # a change has the unit of any parameter that it changes
         units = tuple(old.units[k] for k in np.argmax(basis != 0, axis=0))
         return Testable(
@@ -241,3 +239,14 @@ def _errors(whitened):
     if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
         return np.full(len(size), np.nan)
     return np.sqrt(np.diag(covariance_of(whitened)))
+
+
+def _determined_directions(whitened):
+    """Return the directions of a bias that residuals determine, unit vectors, (d, 3), d ≤ 3.
+
+    `whitened`, (n, 3), is the derivative with respect to the bias of residuals whose noise is
+    independent with variance 1. The largest component of each direction is positive.
+    """
+    _, size, axes = np.linalg.svd(whitened)
+    axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
+    return np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
