@@ -128,8 +128,8 @@ def fit_gravity_norm(f):
 def sensor_errors(sensor, recording):
     """Return the Errors of a sensor, given by its name, in a Recording.
 
-    The errors of the accelerometer are those of the norm of gravity at the n poses, in shares of
-    gravity, after a fit of its nine parameters. The errors of the gyroscope are those of the m
+    For the accelerometer they are the errors of the norm of gravity at the n poses, in shares of
+    gravity, after a fit of its nine parameters. For the gyroscope they are the errors of the m
     rotations, rad, with nominal T and K. A rotation carries the direction of gravity from one pose
     to the next. Its error has two components, across the direction that the accelerometer measures
     at the next pose. The bias of a rotation is the mean rate of both poses, as the bias may drift.
@@ -191,8 +191,8 @@ def find_change(errors, fewest, least):
 
     For each k, the errors are split in those before k and those from k on. The parameters of the
     sensor are fitted to one part and predict the errors of the other. If the parts contradict each
-    other, the sensor may have changed at k. Of all such splits those are kept whose fitted part has
-    nearly the smallest residuals, and of these the one with the longest fitted part.
+    other, the sensor may have changed at k. The result is the split with the longest fitted part
+    among the splits whose fitted part has nearly the smallest residuals.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ def _predict_others(errors, fitted, least):
     """Return the size of the residuals of fitted errors, and the share of others that contradict.
 
     The nine parameters are fitted to the errors of the mask `fitted`, (m,), and predict the others.
-    The size is the standard deviation of the residuals of the fit. An error contradicts if what the
-    prediction leaves of it is larger than `least` and than `TIMES` its standard deviation.
+    The size is the standard deviation of the residuals of the fit. An error contradicts if its
+    difference from the prediction is larger than `least` and than `TIMES` its standard deviation.
     """
     jacobian, y = errors.design[fitted].reshape(-1, 9), errors.values[fitted].ravel()
     root = inverse_root(jacobian)

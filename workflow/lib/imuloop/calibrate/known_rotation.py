@@ -44,8 +44,8 @@ def _measure_turn(log, turn, force):
     then the direction of gravity, which the accelerometer measures.
 
     `log` is the Log of the session. `turn` is a dict with the ``axis``, such as -z, with the
-    ``angle``, deg, or the ``rate``, deg/s, and with the ``start`` and ``end``, s, if they are not
-    those of the log. `force` is the SensorCalibration of the accelerometer.
+    ``angle``, deg, or the ``rate``, deg/s, and with ``start`` and ``end``, s, if it is only a part
+    of the log. `force` is the SensorCalibration of the accelerometer.
     """
     start, end = turn.get("start", log.t[0]), turn.get("end", log.t[-1])
     first, last = np.searchsorted(log.t, [start, end])

@@ -214,7 +214,7 @@ def add_tilt_turns(poses, logs):
     The fit takes a pose as one attitude. In a pose that tilts this is the mean attitude, from which
     the device rotates by φ(t) - φ̄. φ is the rotation since the start of the pose, the integral of
     the angular rate less the bias, and φ̄ its mean over the pose. The bias is the mean angular rate
-    of the poses without a tilt. Of the poses that tilt these fields change:
+    of the poses without a tilt. These fields of the poses that tilt change:
 
     - `to_start` and `to_end` are the rotation at the start, -φ̄, and at the end, φ(end) - φ̄.
     - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias: by the

@@ -168,7 +168,7 @@ class Recording:
 
             `logged` has an array (N, …) by session, with a value for each sample of its log.
             """
-            # the times of a rotation are those of samples
+            # each time of a rotation is the time of a sample
             rows = zip(session, rotations.t, strict=True)
             return np.concatenate([logged[s][np.searchsorted(self.logs[s].t, t)] for s, t in rows])
 

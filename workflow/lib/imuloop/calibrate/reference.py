@@ -208,8 +208,8 @@ class Windows:
         """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
 
         The residuals of a window have three components. The derivative is numerical. A window
-        depends only on the shared parameters and on those of its session. So a parameter that each
-        session has is changed in all sessions at once.
+        depends only on the shared parameters and on the parameters of its session. So a parameter
+        that each session has is changed in all sessions at once.
         """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
         # index of each parameter by session, which is the same for a shared parameter
@@ -430,7 +430,7 @@ def _fit_round(windows, noise, prior, start):
     """
     floor, residuals = [w.floor(start, noise) for w in windows], [w.values(start) for w in windows]
     variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
-    # the parameters are residuals too, whose standard deviations are those of the prior
+    # the parameters are residuals too, with the standard deviations of the prior
     size = np.append(np.sqrt(variance), prior)
     slope = np.concatenate([*(w.derivative(start) for w in windows), np.eye(len(start))])
     jacobian = slope / size[:, None]

@@ -193,7 +193,7 @@ def _find_ends(poses, first):
     Poses and the index of the first pose of each rotation, (c,).
     """
     start_s, end_s = poses.end_s[first], poses.start_s[first + 1]
-    # length of the slow part at either end, without what the segmentation does not count as rest
+    # length of the slow part at either end, less the part that is not counted as rest anyway
     onset = np.maximum(ONSET * (end_s - start_s) - SEEN, 0.0)
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     return start_s - np.minimum(onset, room[first]), end_s + np.minimum(onset, room[first + 1])

@@ -73,7 +73,7 @@ def aliased_turns(t, w, begin, last, bias, variance):
     lost = lost_samples(steps, usual)
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
-    # energies are those of the sums of samples, without the factor Δt²
+    # energies are of sums of samples, without the factor Δt²
     energy = _band_energies(turns, numbers, n.max())
     noise = n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     p, size = _fit_power_law(energy, noise, n)
@@ -149,9 +149,10 @@ def _shares_of_parts(turn):
     """Return the covariance of the error in each part of a rotation, (PARTS, 3, 3).
 
     It is given in units of the variance of the whole error on an axis, so that the sum of all
-    traces is three. The error arises where the angular rate bends most: the share of a part is that
-    of the squared second differences of `turn`, the angular rate, (k, 3). A share `ANY_WAY` of the
-    covariance is the same in all directions; the rest has the direction of the second differences.
+    traces is three. The error arises where the angular rate bends most: the share of a part is its
+    share of the squared second differences of `turn`, the angular rate, (k, 3). A share `ANY_WAY`
+    of the covariance is the same in all directions; the rest has the direction of the second
+    differences.
     """
     squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
     squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)

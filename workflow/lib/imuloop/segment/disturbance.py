@@ -54,7 +54,7 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     covariance = np.diag(np.repeat(np.median(sizes, axis=0), 3) + floor)
     # 97.5 % quantile and median of χ²
     cut, middle = chdtri(k, 0.025), chdtri(k, 0.5)
-    # the second moment of normal vectors is larger than that of those within the quantile
+    # vectors within the quantile have a smaller second moment than all normal vectors
     correction = 0.975 / chdtr(k + 2, cut)
     for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
@@ -167,8 +167,8 @@ def _find_cuts(x, ranges, floor, step, settings):
             break
         apart = min(half, SPACING)
         lag = half // apart
-        # the variance of white noise in before - 2 during + after is that of 1 + 4 + 1 sums of
-        # `half` samples: the division makes it the same at every scale
+        # by white noise, before - 2 during + after has the variance of 1 + 4 + 1 sums of `half`
+        # samples: the division makes it the same at every scale
         differences = [
             (s[:, : -2 * lag] - 2 * s[:, lag:-lag] + s[:, 2 * lag :]) / np.sqrt(6 * half)
             for s in sums
@@ -196,8 +196,8 @@ def _find_cuts(x, ranges, floor, step, settings):
 def _find_large(sums, differences, half, covariance, bound, guard):
     """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
 
-    All samples of a short second difference are cut. Of a long one only the edge is cut at which
-    the level changes more, before or after the samples in the middle.
+    All samples of a short second difference are cut. A long one is cut only at the edge where the
+    level changes more, before or after the samples in the middle.
 
     Parameters
     ----------

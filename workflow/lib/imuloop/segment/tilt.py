@@ -90,7 +90,7 @@ def _find_windows(u, turned):
         for degree in (1, 0):
             # orthonormal basis of the lines, or of the constants
             basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
-            # mean square, in each window, of u and of what the gyroscope leaves of it
+            # mean square, in each window, of u and of u less the change that the gyroscope shows
             power, residual = (
                 ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
                 for x in (u[blocks], (u - turned)[blocks])
@@ -161,20 +161,21 @@ def rest_tilts(f, w, rests, bias, step):
     The noise of the two sensors is independent, but both see a tilt, such as on a soft surface or
     in a hand. Let y be the change of the direction of specific force from its mean over a part, and
     x the change that the gyroscope shows. A device that lies still has y = 0, and a device that
-    tilts y = x, but for the noise σ of the accelerometer. The logarithm of the likelihood of the
-    second, over that of the first, is
+    tilts y = x, but for the noise σ of the accelerometer. The logarithm of the ratio of their
+    likelihoods, the second over the first, is
 
-    .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2.
+    .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2,
 
-    If the device lies still, this exceeds log(1/p) with a probability below p, whatever the
+    where y and x are means over blocks of `SHORT_BLOCK` seconds, and σ is of such means. If the
+    device lies still, this exceeds log(1/p) with a probability below p, whatever the
     gyroscope shows (Markov's inequality). A part tilts if it exceeds log(n / `FALSE_ALARM`) with
     the n parts of a session. Since an accelerometer may drift, the gyroscope also has to explain
     the share `SHARE` of the part of y that is not noise.
 
     If some parts of a session tilt, others are more likely to tilt as well. So the limit becomes
     log((1 - q)/q), by the share q of parts that tilt, among the first parts of all rests or among
-    the others. A part within a rest needs odds of at least 20 to 1. The tilt of a part that lies
-    still is 0, that of a part that tilts the root mean square of x.
+    the others. A part within a rest needs odds of at least 20 to 1. The tilt of a part is 0 if it
+    lies still, else the root mean square of x.
 
     Parameters
     ----------
