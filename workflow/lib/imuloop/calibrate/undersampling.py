@@ -5,6 +5,8 @@ look like a bias. Their power is predicted from the spectrum below half the samp
 extrapolated as a power law of frequency.
 """
 
+from math import ceil
+
 import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
@@ -93,8 +95,9 @@ def _band_energies(turns, numbers, longest):
     its samples, (k,), in which dropped samples count; these are interpolated. `longest` is the
     length of the longest rotation with dropped samples.
     """
-    # with a multiple of 4 BANDS as length of the transform, all bands have as many frequencies
-    length, energy = 4 * BANDS * -(-longest // (4 * BANDS)), []
+    # the length of the transform is a multiple of 4 BANDS, so that all bands have as many
+    # frequencies
+    length, energy = 4 * BANDS * ceil(longest / (4 * BANDS)), []
     for turn, number in zip(turns, numbers, strict=True):
         even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
         square = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2

@@ -242,7 +242,7 @@ def lags(t):
     """
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
-    # the logarithm is 0 at lag 0, where the factor d^2 removes the term
+    # any finite number will do at lag 0, where the factor d² removes the term
     logarithm = np.log(np.where(d > 0, d, t[-1]) / t[-1]) - 1.5
     return d, d**2, logarithm, early**2, late / 2 - early / 6
 

@@ -150,11 +150,12 @@ def _divide(rows, step, whole, stretches, rests, kinds, others):
     kind[np.searchsorted(edges, rests[:, 0])] = kinds
     stuck = without(whole, merged(stretches))
     kind[np.searchsorted(edges, stuck[:, 0])] = GAP
-    # a segment ends where the next one starts; before a long gap, one step after its last sample
+    # a segment ends where the next one starts; before a long gap, and at the end of the log, it
+    # ends one step after its last sample
     start, ends_at_gap = t[edges[:-1]], np.isin(edges[1:], whole[:, 1])
     next_start = t[np.minimum(edges[1:], len(t) - 1)]
     end = np.where(ends_at_gap, t[edges[1:] - 1] + step, next_start)
-    # a long gap is a segment without samples, after each segment at its start but the last
+    # a long gap becomes a segment without samples, up to the start of the next segment
     gaps = np.flatnonzero(ends_at_gap[:-1]) + 1
     gap_end = start[gaps]
     start, end = np.insert(start, gaps, end[gaps - 1]), np.insert(end, gaps, gap_end)

@@ -71,9 +71,9 @@ def activity(force, rate, stretches, window):
         # one axis at a time, to save memory
         variances[:, i:j] = 0.0
         for f, w, mean in zip(force, rate, means, strict=True):
-            variances[0, i:j] += sliding_statistics(f[i:j], window)[1]
-            mean[i:j], variance = sliding_statistics(w[i:j], window)
-            variances[1, i:j] += variance
+            _, force_variance = sliding_statistics(f[i:j], window)
+            mean[i:j], rate_variance = sliding_statistics(w[i:j], window)
+            variances[:, i:j] += [force_variance, rate_variance]
     # an accelerometer measures gravity at rest: zeros are not measurements
     variances[0, ~force.any(axis=0)] = np.inf
     has_window = np.isfinite(variances[0])
