@@ -227,9 +227,6 @@ def add_tilt_turns(poses, logs):
 
     `poses` are the Poses, and `logs` has the Log of each session.
     """
-    # loaded late, as few sessions have a pose that tilts
-    from scipy.signal.windows import tukey
-
     # the angle of a steady rotation is √12 times its root mean square
     poses.extra_variance[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
     still = poses.tilt == 0
@@ -242,10 +239,11 @@ def add_tilt_turns(poses, logs):
         mean_turn = turned.mean(axis=0)
         # a pose that was interrupted has samples between its rests, and keeps their means
         if len(t) == poses.n[k]:
-            # the share of the window that is tapered, at both ends; scipy's window also has the
-            # zeros before the first and after the last sample
-            tapered = min(2 * FADE / poses.duration_s[k], 1.0)
-            weights = tukey(len(t) + 2, tapered)[1:-1]
+            # a cosine taper over the same share of the samples at both ends, half of them at most
+            position = np.arange(1, len(t) + 1) / (len(t) + 1)
+            tapered = min(FADE / poses.duration_s[k], 0.5)
+            rise = np.minimum(np.minimum(position, 1 - position) / tapered, 1)
+            weights = (1 - np.cos(np.pi * rise)) / 2
             mean_turn, mean_f, mean_w = (
                 np.average(x, axis=0, weights=weights) for x in (turned, f, w)
             )

@@ -211,15 +211,15 @@ class Recording:
             Takes a dict with an array (N, …) by session, the values at all samples of its log;
             returns the values at the points of the Channels.
         """
-        logged = {
-            session: self.logs[session].channels(sensor, output, align_other)
-            for session in set(self.poses.session.tolist())
-        }
 
         @cache
         def history(function, *constants):
             """Return the values of a function of the whole log at the points of the Channels."""
-            return gather({s: function(channels, *constants) for s, channels in logged.items()})
+            by_session = {}
+            for session in set(self.poses.session.tolist()):
+                channels = self.logs[session].channels(sensor, output, align_other)
+                by_session[session] = function(channels, *constants)
+            return gather(by_session)
 
         return history
 
