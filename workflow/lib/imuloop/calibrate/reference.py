@@ -319,7 +319,7 @@ class Places(Windows):
     def values(self, x):
         """Return the residuals ε, m/s², (m, 3), for the parameters x, (p,)."""
         M, up = self.mounting(x), self.up + x[self.places[:, 6:]]
-        gravity = self.gravity * up / np.linalg.norm(up, axis=1, keepdims=True)
+        gravity = up * (self.gravity / np.linalg.norm(up, axis=1, keepdims=True))
         # the shared parameters are the offset of the clock, the arm from the marker, and A
         force, arm = self.output(x) @ M.swapaxes(1, 2), M @ x[self.shared[1:4], None]
         return self.subtract_motion(force, arm) - gravity[self.session]
