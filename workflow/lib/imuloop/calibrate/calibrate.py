@@ -48,8 +48,10 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
     """Return the JointFit, the set-up of a fit of both sensors, and why a sensor cannot be fitted.
 
-    A first fit with equal weights for residuals of a kind gives the start. If it does not converge,
-    or leaves residuals above `MISFIT` standard deviations, the start is the mean of the prior.
+    The fit starts from the result of a first fit, with equal weights for residuals of a kind. So
+    the variance components are estimated near the solution even if it is far from the prior. If the
+    first fit does not converge, or leaves residuals above `MISFIT` standard deviations, the data
+    contradict each other, and the start is the mean of the prior.
 
     Parameters
     ----------
@@ -62,8 +64,8 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, (3,) each, if the fit shall hold this bias. Nominal
-        SI: raw readings converted with the data sheet's scale and offset.
+        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the fit shall hold this
+        bias.
 
     Returns
     -------
@@ -83,27 +85,25 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     start = prior.mean.copy()
     if "gyroscope" in estimated:
         start[BIAS] = poses.w.mean(axis=0) if bias is None else bias[0]
-    factors = Factors(gravity, sensors=estimated, bias_held=bias is not None)
-    known = prior_rows(prior, turns, bias)
     joint = JointFit(
-        factors=factors,
+        factors=Factors(gravity, sensors=estimated, bias_held=bias is not None),
         noise=noise,
         units=units,
         start=start,
         prior=prior,
-        known=known,
+        known=prior_rows(prior, turns, bias),
         method=recording.kind,
     )
-    # a first fit gives the start, so that the variance components are estimated near the solution
-    # even if it is far from the prior
-    variance = np.array([START[kind] ** 2 for kind in factors.rows(recording)[1].tolist()])
+    # all residuals of a kind have one variance
+    _, kinds = joint.factors.rows(recording)
+    variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
+    linearise = joint.measure(start, recording).at
     try:
-        rough = fit(joint.measure(start, recording).at, x0=start, covariance=variance, prior=known)
+        rough = fit(linearise, x0=start, covariance=variance, prior=joint.known)
     except NotConverged:
         return joint, reasons
-    # data that contradict each other give no start; the prior is widened for data of another unit,
-    # range or board than the data sheet
     if np.mean(rough.white**2) <= MISFIT**2:
+        # the prior is widened if the data are of another unit, range or board than the data sheet
         known = prior_rows(prior.widened(rough.x), turns, bias)
         joint = replace(joint, start=rough.x, known=known)
     return joint, reasons
@@ -118,8 +118,10 @@ def prior_rows(prior, turns, bias):
     """
     if bias is not None:
         prior = prior.with_part(BIAS, mean=bias[0], covariance=np.diag(bias[1]))
-    sources = [prior.rows(), *([turns.rows()] if turns else [])]
-    R, z = map(np.concatenate, zip(*sources, strict=True))
+    R, z = prior.rows()
+    if turns:
+        R_turns, z_turns = turns.rows()
+        R, z = np.concatenate([R, R_turns]), np.append(z, z_turns)
     return R, z
 
 
@@ -182,11 +184,11 @@ def contradictions(joint, solution, recording):
     above `CONTRADICTORY`, a change of the sensor during the recording is looked for, too. If there
     is one that the effects of the fit do not explain, the change is the reason.
 
-    The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
-    Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² if the parameters
-    are not fitted at all. For the accelerometer q is the quantile of χ²(n) that is exceeded with
-    the probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n). This is stricter, because
-    refusing its fit costs little: a rest still gives its bias.
+    The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor after the fit,
+    their Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² before the
+    fit. For the accelerometer q is the quantile of χ²(n) that is exceeded with the probability
+    `CHANCE`. For the gyroscope q is n, the mean of χ²(n). This is stricter, because refusing its
+    fit costs little: a rest still gives its bias.
 
     Parameters
     ----------
@@ -232,6 +234,9 @@ def calibrate_device(
     *, device, gravity, sessions, noise, settings, six_path, multi_path, prior=None
 ):
     """Write the six-position and the multi-position calibration of a device, JSON files.
+
+    Turns of a known angle or rate are part of the multi-position calibration. A device that only
+    rested gets the bias of its gyroscope from the static sessions.
 
     Parameters
     ----------

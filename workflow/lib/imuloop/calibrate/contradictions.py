@@ -58,48 +58,45 @@ class Errors:
     spread: np.ndarray
 
     def sizes(self):
-        """Return the norm of each error, (m,), after a fit of the nine parameters to all errors.
-
-        The fit has the soft-L1 loss, so that few large errors hardly change it.
-        """
+        """Return the norm of each error, (m,), after a robust fit of the parameters to all."""
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
         return np.linalg.norm(self.values + self.design @ p, axis=1)
 
 
 def fit_robustly(residuals, derivative, start):
-    """Return the p parameters of a fit with soft-L1 loss, (p,), from the parameters `start`, (p,).
+    """Return the p parameters of a fit, (p,), that few large residuals hardly change.
 
-    The loss is quadratic for small residuals and linear for large ones. `residuals` and
-    `derivative` are functions of the parameters that return the residuals, (n,), and their
-    Jacobian, (n, p).
+    The loss, soft-L1, is quadratic for residuals below `SOFT_L1_SCALE` and linear for larger ones.
+    `residuals` and `derivative` are functions of the parameters that return the residuals, (n,),
+    and their Jacobian, (n, p). The fit begins at the parameters `start`, (p,).
     """
     options = {"loss": "soft_l1", "f_scale": SOFT_L1_SCALE, "x_scale": "jac"}
     return least_squares(residuals, start, derivative, **options).x
 
 
-def inverse_root(rows):
-    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹``, of the Jacobian J, (n, p), the argument `rows`.
+def inverse_root(jacobian):
+    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹``, of a Jacobian J, (n, p), of p parameters.
 
-    R is large in the directions that J does not determine, but finite.
+    R is a root of their covariance if the residuals have the variance one. In directions that J
+    does not determine R is large but finite: singular values below the share `UNSEEN` of the
+    largest one are raised to it.
     """
-    size = np.linalg.norm(rows, axis=0)
+    # columns of one length, so that the units of the parameters do not matter
+    size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0
-    # rows of zeros give all p singular values even if there are fewer than p rows
-    square = np.concatenate([rows / size, np.zeros((len(size),) * 2)])
-    _, values, axes = np.linalg.svd(square, full_matrices=False)
+    # rows of zeros do not change Jᵀ J, and give p singular values even if there are fewer than p
+    # residuals
+    padded = np.concatenate([jacobian / size, np.zeros((len(size),) * 2)])
+    _, values, axes = np.linalg.svd(padded, full_matrices=False)
     return axes.T / np.maximum(values, UNSEEN * (values[0] or 1.0)) / size[:, None]
 
 
 def fit_gravity_norm(f):
-    """Fit the accelerometer to the norm of gravity at poses, with soft-L1 loss.
+    """Fit the accelerometer to the norm of gravity at n poses, robustly.
 
-    A wide prior about the data sheet keeps parameters there that the poses do not determine.
-
-    Parameters
-    ----------
-    f : ndarray, shape (n, 3)
-        Mean specific force at n poses, in shares of gravity.
+    A wide prior about the data sheet keeps parameters there that the poses do not determine. Takes
+    the mean specific force at the poses, in shares of gravity, (n, 3).
 
     Returns
     -------
@@ -108,32 +105,33 @@ def fit_gravity_norm(f):
     ndarray, shape (9, 9)
         A root R of their covariance ``R Rᵀ``.
     """
-    n, loose, start = len(f), np.eye(9) / LOOSE, NOMINAL[:9]
+    n, prior, start = len(f), np.eye(9) / LOOSE, NOMINAL[:9]
 
     def linearise(x):
-        """Return the errors of the norm of gravity and their Jacobian, RestRows."""
+        """Return the errors of the norm, (n,), and their Jacobian, (n, 9), at the parameters x."""
         sensor = State(np.append(x, NOMINAL[9:])).sensor("accelerometer")
-        return gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
+        rows = gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
+        return rows.residual, rows.jacobian[:, 0]
 
-    # standard deviations: `LOOSE` of the prior, and the scale of the loss of the residuals
+    # the loss has the scale of the residuals, to which the prior's standard deviations are scaled
     x = fit_robustly(
-        lambda x: np.append(linearise(x).residual, SOFT_L1_SCALE * loose @ (x - start)),
-        lambda x: np.concatenate([linearise(x).jacobian[:, 0], SOFT_L1_SCALE * loose]),
+        lambda x: np.append(linearise(x)[0], SOFT_L1_SCALE * prior @ (x - start)),
+        lambda x: np.concatenate([linearise(x)[1], SOFT_L1_SCALE * prior]),
         start,
     )
-    rows = linearise(x)
-    # standard deviation of the residuals from their median size, which few large ones hardly change
-    usual = np.median(np.abs(rows.residual)) / 0.67 * np.sqrt(n / max(n - 9, 1))
-    return x, usual * inverse_root(np.concatenate([rows.jacobian[:, 0], usual * loose]))
+    residual, jacobian = linearise(x)
+    # standard deviation of n - 9 degrees of freedom by the median size, which is 0.67 of it
+    std = np.median(np.abs(residual)) / 0.67 * np.sqrt(n / max(n - 9, 1))
+    return x, std * inverse_root(np.concatenate([jacobian, std * prior]))
 
 
 def sensor_errors(sensor, recording):
     """Return the Errors of a sensor, given by its name, in a Recording.
 
-    The errors of the accelerometer are those of the norm of gravity at the poses, in shares of
-    gravity, after a fit of its nine parameters. The errors of the gyroscope are those of the
+    For the accelerometer they are the errors of the norm of gravity at the n poses, in shares of
+    gravity, after a fit of its nine parameters. For the gyroscope they are the errors of the m
     rotations, rad, with nominal T and K. A rotation carries the direction of gravity from one pose
-    to the next. The error has two components, across the direction that the accelerometer measures
+    to the next. Its error has two components, across the direction that the accelerometer measures
     at the next pose. The bias of a rotation is the mean rate of both poses, as the bias may drift.
     """
     poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
@@ -146,20 +144,18 @@ def sensor_errors(sensor, recording):
     recording = replace(recording, poses=poses, rotations=moves)
     state = State(np.append(x, NOMINAL[9:]))
     linearised = Factors(1.0).linearised_about(recording, state).at(state.x)
-    residual, jacobian = linearised.residual, linearised.jacobian
+    # the first n residuals are the norms of gravity, the next 3 n the rates at the poses
     if sensor == "accelerometer":
-        design = jacobian[:n, None, :9]
-        return Errors(values=residual[:n, None], design=design, spread=np.zeros((n, 1, 1)))
-    # the poses have the first 4 n residuals: norm of gravity, and three of the rate
-    design = jacobian[4 * n :].reshape(len(moves), 2, COUNT)
+        values, jacobian = linearised.residual[:n], linearised.jacobian[:n]
+        spread = np.zeros((n, 1, 1))
+        return Errors(values=values[:, None], design=jacobian[:, None, :9], spread=spread)
+    values = linearised.residual[4 * n :].reshape(-1, 2)
+    jacobian = linearised.jacobian[4 * n :].reshape(len(moves), 2, COUNT)
     # root of the covariance by the uncertain directions of gravity
-    by_force = design[..., BASE["accelerometer"]] @ root
-    by_turn = design[..., BASE["gyroscope"]][..., :9]
-    return Errors(
-        values=residual[4 * n :].reshape(-1, 2),
-        design=by_turn,
-        spread=by_force @ by_force.swapaxes(1, 2),
-    )
+    by_force = jacobian[..., BASE["accelerometer"]] @ root
+    # without the bias, the last of the gyroscope's parameters
+    design = jacobian[..., BASE["gyroscope"]][..., :9]
+    return Errors(values=values, design=design, spread=by_force @ by_force.swapaxes(1, 2))
 
 
 def sensors_work(poses):
@@ -169,35 +165,35 @@ def sensors_work(poses):
 
 
 def odd_turns(recording):
-    """Return which rotations of a Recording contradict the others, and the errors of all.
+    """Return which of m rotations of a Recording contradict the others, and the errors of all.
 
-    The first result is a mask, (m,) of bool, of the m rotations. The second has the size of the
-    error of each rotation, rad, (m,), by a robust fit of the gyroscope to all rotations. No
-    rotation is marked if more than a few contradict the others, or if there are fewer than
-    `FEWEST`. The uncertainty of a rotation by undersampling, and by directions of gravity that the
-    poses do not determine, is allowed for.
+    The first result is a mask, (m,). The second has the size of the error of each rotation, rad,
+    (m,), by a robust fit of the gyroscope to all rotations. A rotation contradicts the others if
+    its error is larger than `TURN`, than `TIMES` the median of all errors, and than `TIMES` its own
+    uncertainty, by undersampling, missing samples, and directions of gravity that the poses do not
+    determine. No rotation is marked if more than a few contradict the others, or if there are fewer
+    than `FEWEST`.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
     turns = sensor_errors("gyroscope", recording)
     errors = turns.sizes()
-    extra = rotations.aliasing_covariance + rotations.time_covariance
-    # trace of the covariance of each error, with the additional errors of all parts of a rotation
-    variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", extra)
-    odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(variance)), TURN)
+    # traces of the covariance of each error; sampling adds one for each part of a rotation
+    by_part = rotations.aliasing_covariance + rotations.time_covariance
+    by_sampling = np.trace(by_part.sum(axis=1), axis1=1, axis2=2)
+    std = np.sqrt(np.trace(turns.spread, axis1=1, axis2=2) + by_sampling)
+    odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), std), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
 
 def find_change(errors, fewest, least):
     """Return the index k of the first error after a sensor changed; None if it did not change.
 
-    For each k, the errors are split in those before k and those from k on. The nine parameters of
-    the sensor are fitted to one part and predict the errors of the other. The parts contradict each
-    other if most errors of the other part are larger than `least` and far larger than the
-    uncertainty of the prediction. Among all k at which the parts contradict each other, those are
-    kept whose fitted part has nearly the smallest residuals. Of these k, the one with the longest
-    fitted part is returned.
+    For each k, the errors are split in those before k and those from k on. The parameters of the
+    sensor are fitted to one part and predict the errors of the other. If the parts contradict each
+    other, the sensor may have changed at k. The result is the split with the longest fitted part
+    among the splits whose fitted part has nearly the smallest residuals.
 
     Parameters
     ----------
@@ -209,30 +205,43 @@ def find_change(errors, fewest, least):
         Least size of an error that contradicts, in the unit of the errors.
     """
     n, splits = len(errors.values), []
+    # without enough large errors, no part can contradict the other
     if np.sum(errors.sizes() > least) < CHANGED * MOST:
         return None
-    # (residuals of the fitted part, its length, k) of each contradiction
     for k in range(CHANGED, n - CHANGED + 1):
         before = np.arange(n) < k
-        for part in (before, ~before):
-            if part.sum() < max(fewest, LONG * n):
-                continue
-            rows, y = errors.design[part].reshape(-1, 9), errors.values[part].ravel()
-            root = inverse_root(rows)
-            # least-squares solution of rows p = -y, and the standard deviation of its residuals
-            p = -root @ (root.T @ (rows.T @ y))
-            usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
-            # the errors of the other part, and their covariance by noise and by the error of p
-            design, leverage = errors.design[~part], errors.design[~part] @ root
-            predicted = errors.values[~part] + design @ p
-            noise = usual**2 * (np.eye(design.shape[1]) + leverage @ leverage.swapaxes(1, 2))
-            inverse = np.linalg.pinv(noise + errors.spread[~part])
-            far = np.einsum("mc,mcd,md->m", predicted, inverse, predicted) > TIMES**2
-            if np.mean(far & (np.linalg.norm(predicted, axis=1) > least)) >= MOST:
-                splits.append((usual, part.sum(), k))
+        for fitted in (before, ~before):
+            if fitted.sum() >= max(fewest, LONG * n):
+                residual, contradicting = _predict_others(errors, fitted, least)
+                if contradicting >= MOST:
+                    splits.append((residual, fitted.sum(), k))
     smallest = min(splits, default=[0.0])[0]
-    chosen = [(count, k) for usual, count, k in splits if usual <= UNEVEN * smallest]
+    chosen = [(count, k) for residual, count, k in splits if residual <= UNEVEN * smallest]
     return max(chosen)[1] if chosen else None
+
+
+def _predict_others(errors, fitted, least):
+    """Return the size of the residuals of fitted errors, and the share of others that contradict.
+
+    The nine parameters are fitted to the errors of the mask `fitted`, (m,), and predict the others.
+    The size is the standard deviation of the residuals of the fit. An error contradicts if its
+    difference from the prediction is larger than `least` and than `TIMES` its standard deviation.
+    """
+    jacobian, y = errors.design[fitted].reshape(-1, 9), errors.values[fitted].ravel()
+    root = inverse_root(jacobian)
+    # least-squares solution of J p = -y
+    p = -root @ (root.T @ (jacobian.T @ y))
+    std = np.sqrt(np.sum((y + jacobian @ p) ** 2) / (len(y) - len(p)))
+    design = errors.design[~fitted]
+    predicted = errors.values[~fitted] + design @ p
+    # covariance by noise, by the error of p, and by uncertain directions of gravity
+    by_p = design @ root
+    noise = std**2 * (np.eye(design.shape[1]) + by_p @ by_p.swapaxes(1, 2))
+    # without noise a covariance may be zero
+    inverse = np.linalg.pinv(noise + errors.spread[~fitted])
+    distance = np.einsum("mc,mcd,md->m", predicted, inverse, predicted)
+    contradicts = (distance > TIMES**2) & (np.linalg.norm(predicted, axis=1) > least)
+    return std, contradicts.mean()
 
 
 def change_of_sensor(sensor, recording):
@@ -241,7 +250,7 @@ def change_of_sensor(sensor, recording):
     The result is None if the sensor, given by its name, did not change, if the recording has
     several sessions, or if the recording has too few poses or rotations to tell.
     """
-    poses, (what, name) = recording.poses, WORDS[sensor]
+    poses, (measurements, part) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
     if len(table) < PARTS[sensor] + CHANGED or not sensors_work(poses) or np.ptp(poses.session):
@@ -250,11 +259,12 @@ def change_of_sensor(sensor, recording):
     if k is None:
         return None
     time = (table.end_s[k - 1] + table.start_s[k]) / 2
-    return time, (
-        f"{name} changed at about {time:.4g} s: the "
-        f"{k} {what} before contradict the {len(table) - k} after; was its range, scale, "
-        "mounting or clock changed there, or were logs joined? Calibrate one part: time_range"
+    sentence = (
+        f"{part} changed at about {time:.4g} s: the {k} {measurements} before contradict the "
+        f"{len(table) - k} after; was its range, scale, mounting or clock changed there, or were "
+        "logs joined? Calibrate one part: time_range"
     )
+    return time, sentence
 
 
 def why_changed(sensor, recording):

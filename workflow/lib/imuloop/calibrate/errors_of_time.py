@@ -1,16 +1,7 @@
-"""Errors of rotations by dropped samples and jitter of time stamps, measured on the motion itself.
+"""Errors of rotations by dropped samples and by jitter of time stamps.
 
-Over a gap, the angular rate is interpolated by the cubic through the two samples on either side
-(`mean_rates`). The error of this interpolation is measured in the parts of the same rotation that
-have all samples: as many samples as in the gap are left out, and the interpolated angle is compared
-with the angle of all samples. The mean square difference over all such windows is the covariance of
-the gap. It includes both the curvature of the motion and the noise of fewer samples, and assumes
-that samples are dropped independently of the motion.
-
-Time stamps with jitter, of samples that were taken at even steps, add another error
-(`ingest.jitter`). A time stamp that is late by e makes the step before it longer by e and the step
-after it shorter by e. The angle is then wrong by e times half the change of the rate over both
-steps.
+Both errors are measured on the motion itself. Samples are taken as dropped independently of the
+motion.
 """
 
 import numpy as np
@@ -32,8 +23,12 @@ LEAST_JITTER = 0.02
 def errors_of_time(t, w, begin, last, bias, variance):
     """Return the errors of m rotations by dropped samples and by jitter of the time stamps.
 
-    The error of a gap is measured where the samples are complete: samples are left out there, and
-    the interpolated angle is compared with the angle by all samples.
+    The angular rate over a gap is interpolated. The error of the angle is measured where the
+    samples are complete, by leaving out as many samples there.
+
+    Jitter matters if the samples were taken at even steps. A time stamp that is late by e makes the
+    step before it longer by e and the step after it shorter by e. The angle is then wrong by e
+    times half the change of the rate over both steps.
 
     Parameters
     ----------
@@ -62,55 +57,59 @@ def errors_of_time(t, w, begin, last, bias, variance):
     accurate, longest = np.zeros(len(begin), bool), np.zeros(len(begin), int)
     for k, (i, j) in enumerate(zip(begin, last, strict=True)):
         rates, missing = w[i : j + 1], lost[i:j]
-        # covariance of each step's rotation by its gap, and half the change of the rate over the
-        # two steps at each sample
-        gaps, slopes = gap_covariance(rates, missing, usual), (rates[2:] - rates[:-2]) / 2
+        gaps = gap_covariance(rates, missing, usual)
+        half_changes = (rates[2:] - rates[:-2]) / 2
+        covariance[k] = sum_parts(gaps) + jitter**2 * sum_parts(outer_products(half_changes))
+        # variance of a sum of samples with white noise, times the step squared
+        by_noise = variance[k].sum() * usual * steps[i:j].sum()
         angle = np.linalg.norm(rates[1:] - bias[k], axis=1) @ steps[i:j]
-        limit = max(variance[k].sum() * usual * steps[i:j].sum(), (LARGEST_ERROR * angle) ** 2)
-        accurate[k], longest[k] = np.trace(gaps.sum(axis=0)) <= limit, missing.max(initial=0)
-        covariance[k] = sum_parts(gaps) + jitter**2 * sum_parts(outer_products(slopes))
+        accurate[k] = np.trace(gaps.sum(axis=0)) <= max(by_noise, (LARGEST_ERROR * angle) ** 2)
+        longest[k] = missing.max(initial=0)
     return covariance, accurate, longest
 
 
 def _estimate_jitter(t, w, usual):
     """Return the standard deviation of the jitter of time stamps, s, a float.
 
-    The result is zero if the samples were taken at their uneven time stamps, so that these are
-    right, or if the jitter is below the share `LEAST_JITTER` of a step. Takes time t, s, (N,),
-    angular rate w, rad/s, (N, 3), and the usual step, s.
+    The result is zero if the jitter is below the share `LEAST_JITTER` of a step, or if the samples
+    were taken at their uneven time stamps, which are then right. Takes time t, s, (N,), angular
+    rate w, rad/s, (N, 3), and the usual step, s.
     """
     # `bend` is a time stamp less the mean of its neighbours, with 1.5 times the variance of one.
     # The median of |e| of a normal variable e is 0.6745 of its standard deviation
     std = np.median(np.abs(bend(t))) / 0.6745 / np.sqrt(1.5) if len(t) > 2 else 0.0
     if std < LEAST_JITTER * usual:
         return 0.0
-    return 0.0 if jitter_sign(t, w.T, usual) == 1 else std
+    # the sign is 1 if the motion fits the uneven time stamps better than even ones
+    taken_at_stamps = jitter_sign(t, w.T, usual) == 1
+    return 0.0 if taken_at_stamps else std
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the error of each step's rotation by its gap, rad², (k - 1, 3, 3).
+    """Return the covariance of the rotation over each step by samples lost in it, rad².
 
-    This is the error that the interpolation of lost samples makes. The covariance is zero for a
-    step without lost samples, and infinite if so many are lost that the error cannot be measured.
-    Takes angular rate w, rad/s, (k, 3), of the k samples of a rotation, the number of samples
-    `lost` in each step, (k - 1,), and the usual step, s.
+    The result has the shape (k - 1, 3, 3). It is zero for a step without lost samples, and infinite
+    if so many are lost that the error cannot be measured. Takes angular rate w, rad/s, (k, 3), of
+    the k samples of a rotation, the number of samples `lost` in each step, (k - 1,), and the usual
+    step, s.
     """
     covariance = np.zeros((len(lost), 3, 3))
     for n in set(lost[lost > 0].tolist()):
-        covariance[lost == n] = _mean_square(w, lost, n, usual)
+        covariance[lost == n] = _interpolation_error(w, lost, n, usual)
     return covariance
 
 
-def _mean_square(w, lost, n, usual):
-    """Return the mean square error of interpolation over a gap of n samples, rad², (3, 3).
+def _interpolation_error(w, lost, n, usual):
+    """Return the mean square error of the angle over a gap of n samples, rad², (3, 3).
 
-    The error is measured in all windows of a rotation that have all samples, as if n of them were
-    missing. The result is infinite if there are fewer than `FEWEST` windows. Takes angular rate w,
-    rad/s, (k, 3), the number of samples `lost` in each step, (k - 1,), and the usual step, s.
+    The angle is by interpolation of the rate over the gap. Its error is measured in all windows of
+    a rotation that have all samples, as if n of them were missing. The result is infinite if there
+    are fewer than `FEWEST` windows. Takes angular rate w, rad/s, (k, 3), the number of samples
+    `lost` in each step, (k - 1,), and the usual step, s.
     """
-    # a window has the step before the gap, the n + 1 steps of the gap, and the step after it
-    complete = np.convolve(lost == 0, np.ones(n + 3), "valid") > n + 2.5
-    first = np.flatnonzero(complete) + 1
+    # a window has n + 3 steps: the one before the gap, the n + 1 of the gap, and the one after it
+    complete_steps = np.convolve(lost == 0, np.ones(n + 3), "valid")
+    first = np.flatnonzero(complete_steps == n + 3) + 1
     if len(first) < FEWEST:
         return np.full((3, 3), np.inf)
     # angle by all samples since the start, at the end of each step

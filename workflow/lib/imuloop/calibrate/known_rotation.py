@@ -16,45 +16,51 @@ LEVEL = 0.94
 def read_turns(sessions, force):
     """Return the KnownTurns of a device, its turns by a declared angle or at a declared rate.
 
-    Turns with clipped samples or fewer than three samples are left out. The axis of a turn is the
-    declared axis of the body. If this axis lies within 20 degrees of gravity at the start of the
-    turn, the axis is the direction of gravity instead, which the accelerometer measures.
-
     `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
-    ``samples`` and ``segments``. `force` is the SensorCalibration of the accelerometer.
+    ``samples`` and ``segments``. `force` is the SensorCalibration of the accelerometer. The bias of
+    the gyroscope is its mean over all rests of these sessions.
     """
-    turns, rests = [], []
+    turns, rests = [np.zeros((0, 7))], [np.zeros((0, 4))]
     for session, table in usable_sessions(sessions, "known_rotation"):
         metadata = read_metadata(session["samples"])
-        if not (declared_turns := metadata.get("known_rotation")):
-            continue
         log = Log.of(read_columns(session["samples"]), metadata.get("rails"))
-        t, still = log.t, table["kind"] == STATIC
-        means = np.column_stack([table[f"{c}_mean"][still] for c in ANGULAR_RATE])
-        rests.append((means, table["n"][still]))
-        for turn in declared_turns:
-            first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
-            rows = slice(first, last + 1)
-            if len(t[rows]) < 3 or log.clipped[0, rows].any():
-                continue
-            length = np.ptp(t[rows])
-            turned = np.trapezoid(log.w[rows], t[rows], axis=0)
-            angle = turn["angle"] if "angle" in turn else turn["rate"] * length
-            # the declared axis is a sign and a letter, such as -z
-            axis = np.eye(3)["xyz".index(turn["axis"][-1])] * (-1) ** (turn["axis"][0] == "-")
-            # upward direction from about twenty samples around the start
-            up = force.aligned(log.f[max(first - 10, 0) : first + 10]).mean(axis=0)
-            up /= np.linalg.norm(up)
-            if abs(up @ axis) > LEVEL:
-                axis = up * np.sign(up @ axis)
-            turns.append((turned, length, angle * DEGREE * axis))
-    # the bias is the mean over all rests, weighted by their number of samples
-    means, n = (np.concatenate(x) for x in zip(*rests, strict=True)) if rests else ([], [])
-    bias = np.average(means, axis=0, weights=n) if len(n) else np.zeros(3)
-    turned, seconds, target = zip(*turns, strict=True) if turns else ([], [], [])
-    return KnownTurns(
-        turned=np.reshape(turned, (-1, 3)),
-        seconds=np.array(seconds),
-        target=np.reshape(target, (-1, 3)),
-        bias=bias,
-    )
+        rows = [_measure_turn(log, turn, force) for turn in metadata.get("known_rotation", ())]
+        turns += [row[None] for row in rows if row is not None]
+        columns = [table["n"], *(table[f"{c}_mean"] for c in ANGULAR_RATE)]
+        rests.append(np.column_stack(columns)[table["kind"] == STATIC])
+    turned, seconds, target = np.split(np.concatenate(turns), [3, 4], axis=1)
+    n, *rates = np.concatenate(rests).T
+    bias = np.average(rates, axis=1, weights=n) if len(n) else np.zeros(3)
+    return KnownTurns(turned=turned, seconds=seconds[:, 0], target=target, bias=bias)
+
+
+def _measure_turn(log, turn, force):
+    """Return a declared turn as it was measured, (7,), or None if it cannot be used.
+
+    The result has the integral of the angular rate, rad, (3,), the duration, s, and the declared
+    rotation vector, rad, (3,). A turn with clipped samples or fewer than three samples cannot be
+    used. The axis of the rotation is the declared axis of the body. If this axis lies within 20
+    degrees of gravity at the start of the turn, the turn was made on a level table; the axis is
+    then the direction of gravity, which the accelerometer measures.
+
+    `log` is the Log of the session. `turn` is a dict with the ``axis``, such as -z, with the
+    ``angle``, deg, or the ``rate``, deg/s, and with ``start`` and ``end``, s, if it is only a part
+    of the log. `force` is the SensorCalibration of the accelerometer.
+    """
+    start, end = turn.get("start", log.t[0]), turn.get("end", log.t[-1])
+    first, last = np.searchsorted(log.t, [start, end])
+    rows = slice(first, last + 1)
+    t = log.t[rows]
+    if len(t) < 3 or log.clipped[0, rows].any():
+        return None
+    duration = np.ptp(t)
+    angle = turn["angle"] if "angle" in turn else turn["rate"] * duration
+    sign, letter = turn["axis"][0], turn["axis"][-1]
+    axis = np.eye(3)["xyz".index(letter)] * (-1 if sign == "-" else 1)
+    # upward direction from about twenty samples around the start
+    up = force.aligned(log.f[max(first - 10, 0) : first + 10]).mean(axis=0)
+    up /= np.linalg.norm(up)
+    if abs(up @ axis) > LEVEL:
+        axis = up * np.sign(up @ axis)
+    turned = np.trapezoid(log.w[rows], t, axis=0)
+    return np.concatenate([turned, [duration], angle * DEGREE * axis])

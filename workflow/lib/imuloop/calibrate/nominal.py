@@ -22,7 +22,7 @@ def nominal_sensors(reasons, recording, noise, units, prior):
     Parameters
     ----------
     reasons : dict of str to str
-        For each sensor, why it has no fit.
+        For each sensor without a fit, why it has none.
     recording : Recording
         Poses and rotations; the poses give the bias of the gyroscope.
     noise : NoiseModel
@@ -31,25 +31,19 @@ def nominal_sensors(reasons, recording, noise, units, prior):
         Raw unit of each sensor, its scale and offset by the data sheet.
     prior : Prior
         Prior of the parameters.
-
-    Returns
-    -------
-    dict of str to SensorCalibration
-        A calibration for each sensor in `reasons`.
     """
     calibrations = {}
     for sensor, reason in reasons.items():
-        calibration = SensorCalibration.nominal(units[sensor], reason)
+        unit, (x, covariance) = units[sensor], prior.of(sensor)
+        mean = in_raw_units(sensor, unit, x=x, covariance=covariance, prior=prior)
+        calibration = replace(SensorCalibration.nominal(unit, reason), b=mean.b)
         if sensor == "gyroscope":
-            time, words = change_of_sensor(sensor, recording) or (np.inf, "")
-            # the reason may name the change already; without a change the words are empty
-            reason = reason if words in reason else f"{reason}; {words}"
-            calibration = rest_bias(recording.poses, noise, units[sensor], reason, time)
-        x, covariance = prior.of(sensor)
-        mean = in_raw_units(sensor, units[sensor], x=x, covariance=covariance, prior=prior)
-        # a calibration with names of parameters has a measured bias
-        b = calibration.b if calibration.names else mean.b
-        calibrations[sensor] = replace(calibration, T=mean.T, K=mean.K, b=b, prior=mean.prior)
+            changed, sentence = change_of_sensor(sensor, recording) or (np.inf, "")
+            # the reason may name the change already; without a change the sentence is empty
+            reason = reason if sentence in reason else f"{reason}; {sentence}"
+            measured = rest_bias(recording.poses, noise, unit, reason, changed)
+            calibration = measured if measured.names else replace(measured, b=mean.b)
+        calibrations[sensor] = replace(calibration, T=mean.T, K=mean.K, prior=mean.prior)
     return calibrations
 
 
@@ -66,7 +60,7 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     Parameters
     ----------
     poses, noise, unit : Poses, NoiseModel, RawUnit
-        The rests, the noise of the device, and the raw unit of the gyroscope.
+        The n rests, the noise of the device, and the raw unit of the gyroscope.
     reason : str
         Why the other parameters are not calibrated.
     changed : float, optional
@@ -79,29 +73,26 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     nominal, covariance = SensorCalibration.nominal(unit, reason), poses.mean_covariance(noise)[3:]
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
 
-    def means(group):
-        """Return the share of each pose in the mean of its group, (g, 3, n), and the means, (g, 3).
+    def mean_over(rows):
+        """Return the mean rate over some poses, (3,), and the share of each pose in it, (3, n)."""
+        shares = weights * rows
+        shares /= shares.sum(axis=1, keepdims=True)
+        return np.sum(shares * poses.w.T, axis=1), shares
 
-        `group`, (n,), has a number for each of n poses; equal numbers are one of g groups.
-        """
-        shares = weights * (group == np.unique(group)[:, None])[:, None]
-        shares /= shares.sum(axis=2, keepdims=True)
-        return shares, np.einsum("gan,na->ga", shares, poses.w)
-
-    # difference between the biases after and before the change, and the variance of the difference;
-    # both are zero without a change
-    shares, biases = means(poses.start_s > changed)
-    contrast = shares[-1] - shares[0]
-    variance = np.einsum("an,anm,am->a", contrast, covariance, contrast)
-    if np.any((biases[-1] - biases[0]) ** 2 > SAME**2 * variance):
-        return nominal
-    _, (bias,) = means(np.zeros(len(poses)))
-    # variance of the mean by the noise, and the mean of each power cycle
-    variance, (_, biases) = 1 / weights.sum(axis=1), means(poses.power_cycle)
-    if len(biases) > 1:
-        between = biases.var(axis=0, ddof=1) / len(biases)
+    before = poses.start_s <= changed
+    if before.any() and not before.all():
+        (old, old_shares), (new, new_shares) = mean_over(before), mean_over(~before)
+        contrast = new_shares - old_shares
+        variance = np.einsum("an,anm,am->a", contrast, covariance, contrast)
+        if np.any((new - old) ** 2 > SAME**2 * variance):
+            return nominal
+    # the mean over all poses and its variance by the noise, and the mean of each power cycle
+    (bias, _), variance = mean_over(np.ones(len(poses))), 1 / weights.sum(axis=1)
+    cycles = np.unique(poses.power_cycle)
+    biases = np.array([mean_over(poses.power_cycle == cycle)[0] for cycle in cycles])
+    if len(cycles) > 1:
+        between = biases.var(axis=0, ddof=1) / len(cycles)
         bias = np.where(between > variance, biases.mean(axis=0), bias)
         variance = np.maximum(between, variance)
-    covariance = np.diag(variance) / unit.scale**2
-    measured = {"b": unit.from_si(bias), "names": ("b0", "b1", "b2"), "covariance": covariance}
-    return replace(nominal, **measured, method="static")
+    names, b, covariance = ("b0", "b1", "b2"), unit.from_si(bias), np.diag(variance / unit.scale**2)
+    return replace(nominal, b=b, names=names, covariance=covariance, method="static")

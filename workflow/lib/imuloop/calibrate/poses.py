@@ -7,13 +7,14 @@ session. Nominal SI values are raw readings less the data sheet's offset, times 
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.segments import STATIC, power_cycles
 from imuloop.segment.windows import DECIDING
 
-# length of the taper of the weights at both ends of a rest in the hand, s
+# length at both ends of a rest in the hand over which the weights of its samples fall to zero, s
 FADE = 0.25
 # relative difference of two values below which they differ by their number format only
 SAME_LEVEL = 1e-9
@@ -74,26 +75,25 @@ class Poses(Table):
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
     def mean_covariance(self, noise):
-        """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
+        """Return the covariance of the means over the poses, (6, n, n), SI units squared.
 
-        The covariance is the sum of the one that the NoiseModel `noise` predicts and the variance
-        that rounding and tilts add, which is independent between poses. If the noise of a channel
-        is not known, its covariance is diagonal: the sample variance within the pose over the
-        number of samples. The fit of both sensors does not use this covariance, but one that
-        includes the rotations (`ResidualCovariance`).
+        There is one for each channel, ax … gz. It is the covariance that the NoiseModel `noise`
+        predicts, plus the variance by rounding and tilts, which is independent between poses. If
+        the noise of a channel is not known, its covariance is diagonal: the sample variance within
+        the pose over the number of samples.
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):
+            noise_is_known = covariance.any()
             white = self.variance[:, axis] / self.n
-            covariance += np.diag(self.extra_variance[:, axis] if covariance.any() else white)
+            covariance += np.diag(self.extra_variance[:, axis] if noise_is_known else white)
         return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return the reason, text, why the noise of some channels is not known, or None.
+        """Return a text that says why the noise of some channels is not known; None if it is known.
 
-        If it is not known, the means over the poses cannot be weighted in a fit. `noise` is a
-        NoiseModel, and `channels` has the names of the channels. The result is None if the noise of
-        all these channels is known.
+        Means over the poses cannot be weighted in a fit if their covariance, which follows from the
+        NoiseModel `noise`, is singular. `channels` has the names of the channels.
         """
         chosen = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[chosen])
@@ -111,19 +111,20 @@ class Poses(Table):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    Rests of one power cycle that share a pose number are one pose. `segments` has the table of each
-    session, a DataFrame or a dict of arrays with a row per segment.
+    A segment is a rest, a move or a gap of a session. Rests of one power cycle that share a pose
+    number are one pose, and count in its means by their number of samples. `segments` has the table
+    of each session, a DataFrame or a dict of arrays with a row per segment.
     """
     # the rests that are part of a pose: others have the number -1
     chosen = [(np.asarray(t["kind"]) == STATIC) & (np.asarray(t["pose"]) >= 0) for t in segments]
 
     def join(columns):
-        """Return a column of all r rests, (r,), given the whole column of each session."""
+        """Return a column of all r rests, (r,), from the column of each session's segments."""
         by_session = zip(columns, chosen, strict=True)
         return np.concatenate([np.zeros(0), *(np.asarray(x)[is_rest] for x, is_rest in by_session)])
 
     def column(name):
-        """Return the column of the segments with a name, of all r rests, (r,)."""
+        """Return the column of the tables with a name, of all r rests, (r,)."""
         return join(table[name] for table in segments)
 
     session = np.repeat(np.arange(len(chosen)), [np.sum(is_rest) for is_rest in chosen])
@@ -136,10 +137,7 @@ def gather_poses(segments):
     share = of_pose * n / (of_pose @ n)[:, None]
 
     def mean_powers(names, power=1):
-        """Return the means over each pose of c columns, raised to a power, (n, c).
-
-        The columns have a value per rest; the rests of a pose count by their number of samples.
-        """
+        """Return means over each pose of c columns of the tables, raised to a power, (n, c)."""
         return share @ np.column_stack([column(name) ** power for name in names])
 
     return Poses(
@@ -152,28 +150,30 @@ def gather_poses(segments):
         n=(of_pose @ n).astype(int),
         f=mean_powers([f"{c}_mean" for c in ACCELERATION]),
         w=mean_powers([f"{c}_mean" for c in ANGULAR_RATE]),
+        # means of squared deviations, for the variance, and of squared tilts
         variance=mean_powers([f"{c}_std" for c in CHANNELS], power=2),
+        tilt=np.sqrt(mean_powers(["tilt_rad"], power=2)[:, 0]),
+        # these are set from the logs afterwards
         temperature=None,
         extra_variance=np.zeros((len(poses), 6)),
-        tilt=np.sqrt(mean_powers(["tilt_rad"], power=2)[:, 0]),
         to_ends_s=np.zeros((len(poses), 2)),
         w_to_ends=np.zeros((len(poses), 2, 3)),
     )
 
 
 def rounding_variance(samples, variance):
-    r"""Return the variance that quantization adds to the mean of a channel over a rest, a float.
+    r"""Return the variance that rounding adds to the mean of a channel over a rest, a float.
 
-    Samples are rounded to multiples of the quantization step q. If the true level lies anywhere
-    between two steps and the samples have white noise of standard deviation σ, rounding adds to
-    the mean an error of variance ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is
-    q²/12 without noise, and vanishes from σ = q/2 on.
+    Samples are rounded to multiples of a step q, the smallest one between their values. The true
+    level of a rest lies anywhere between two multiples, and the samples have white noise of
+    standard deviation σ. Rounding then gives the mean an error of the variance
+    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is q²/12 without noise, and next to
+    nothing from σ = q/2 on.
 
     Parameters
     ----------
     samples : ndarray, shape (m,)
-        Samples of the channel, from which q follows. The result is zero if they have no common
-        step.
+        Samples of the channel. If their values are not multiples of a step, the result is zero.
     variance : ndarray, shape (r,)
         Sample variance within each of r rests; their mean, less q²/12 by rounding, is σ².
 
@@ -186,19 +186,21 @@ def rounding_variance(samples, variance):
     steps = np.diff(levels)
     # values that differ by the precision of their number format are one level
     steps = steps[steps > SAME_LEVEL * np.maximum(np.abs(levels[1:]), np.abs(levels[:-1]))]
-    count = steps / (q := steps.min(initial=np.inf))
-    if not len(steps) or np.abs(count - np.round(count)).max() > UNEVEN:
+    q = steps.min(initial=np.inf)
+    # if there is a common step, all distances of neighbouring levels are whole numbers of it
+    multiples = steps / q
+    if not len(steps) or np.abs(multiples - np.round(multiples)).max() > UNEVEN:
         return 0.0
     k = np.arange(1, 100)
     # a single rest may lie on one level and show no variance, so all rests give σ²/q² together
-    white = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
-    return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
+    noise = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
+    return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * noise) / k**2)
 
 
 def add_rounding(poses, logs):
-    """Add the variance of the means by rounding to the `extra_variance` of Poses, in place.
+    """Add to the `extra_variance` of Poses, in place, the variance of their means by rounding.
 
-    `logs` has the Log of each session. The step of each channel is taken from its log.
+    `logs` has the Log of each session. Each channel of a log is rounded to its own step.
     """
     for session in np.unique(poses.session):
         rows, log = poses.session == session, logs[session]
@@ -207,59 +209,51 @@ def add_rounding(poses, logs):
             poses.extra_variance[rows, axis] += rounding
 
 
-def _taper_weights(n, share):
-    """Return weights of n samples, (n,), from 0 to 1, with a cosine taper at both ends.
-
-    `share` is the share of the samples over which the weights rise at the start, and over which
-    they fall at the end.
-    """
-    from_end = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) / (n + 1)
-    return (1 - np.cos(np.pi * np.minimum(from_end / share, 1))) / 2
-
-
 def add_tilt_turns(poses, logs):
-    r"""Set the small rotations within the poses that tilt, and correct their means, in place.
+    r"""Describe the small rotations within the poses that tilt, as in a hand, in place.
 
-    A pose tilts if both sensors show that the device moves slightly, as in a hand. These fields of
-    such poses change:
+    The fit takes a pose as one attitude. In a pose that tilts this is the mean attitude, from which
+    the device rotates by φ(t) - φ̄. φ is the rotation since the start of the pose, the integral of
+    the angular rate, and φ̄ its mean over the pose. These fields of the poses that tilt change:
 
-    - `to_ends_s` and `w_to_ends`. The mean specific force of a pose belongs to the mean attitude,
-      whose rotation since the start is the mean of all. From there the device rotates to the start
-      and to the end of the pose. Each of these two rotations is a time, the negative one to the
-      start, multiplied by a mean angular rate; the bias of this rate is known only after the fit.
-    - `f`, `w` and `duration_s`, if the rest was not interrupted. A hand that moves at the ends of
-      a rest adds its change of velocity over the duration to the mean specific force. So the means
-      are weighted, with a taper of `FADE` seconds at both ends. The mean of directions that differ
-      by small angles is shorter than each, by half the mean square angle; `f` is corrected for it.
-    - `extra_variance`. A rest that turned by Δ rad in T seconds does not determine the bias better
-      than Δ/T, so (Δ/T)² is added to the variance of its mean angular rate. Δ is √12 times the root
-      mean square of the tilt, as in a turn at constant rate.
+    - `to_ends_s` and `w_to_ends`. The rotation from the mean attitude to the start is -φ̄, and to the
+      end φ(end) - φ̄. Each is stored as a time, the one to the start negative, and the mean angular
+      rate over this time, because the bias in this rate is known only after the fit.
+    - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias: by the
+      square of the rate of a steady rotation with the same root mean square.
+    - `f` and `w` become weighted means, unless the rest was interrupted. A hand that moves at the
+      ends of a rest changes the velocity, which adds to the specific force; so the weights fall
+      to zero over `FADE` seconds at both ends. `f` is also made longer: the mean of unit vectors
+      at the angles ε from it has the length ``1 - mean(ε²)/2``.
+    - `duration_s` becomes the duration of an unweighted mean with as much white noise.
 
     `poses` are the Poses, and `logs` has the Log of each session.
     """
+    # the angle of a steady rotation is √12 times its root mean square
     poses.extra_variance[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
-    f, w = poses.f, poses.w
     for k in np.flatnonzero(poses.tilt > 0):
         log = logs[poses.session[k]]
         rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
-        t, force, rate = log.t[rows], log.f[rows], log.w[rows]
-        # time and rotation vector since the start; the rotation is the sum of the rates in the
-        # middle of the steps, with the bias of the gyroscope in it
-        since, middle = t - t[0], (rate[1:] + rate[:-1]) / 2
-        turned = np.pad(np.cumsum(middle * np.diff(t)[:, None], axis=0), ((1, 0), (0, 0)))
+        t, f, w = log.t[rows], log.f[rows], log.w[rows]
+        # time since the start, and the rotation since then with the bias in it
+        since, turned = t - t[0], cumulative_trapezoid(w, t, axis=0, initial=0)
         weights = np.ones(len(t))
-        # a pose that was interrupted keeps the means of its parts
+        # a pose that was interrupted has samples between its rests, and keeps their means
         if len(t) == poses.n[k]:
-            weights = _taper_weights(len(t), min(FADE / poses.duration_s[k], 0.5))
-            f[k], w[k] = (np.average(x, axis=0, weights=weights) for x in (force, rate))
-            # rotations from the mean attitude, without the one at the mean rate
-            swayed = turned - since[:, None] * w[k]
-            swayed -= np.average(swayed, axis=0, weights=weights)
-            across = np.cross(swayed, f[k] / np.linalg.norm(f[k]))
-            f[k] *= 1 + np.average((across**2).sum(axis=1), weights=weights) / 2
-            # duration of an unweighted mean with the same variance of white noise
+            # a cosine taper over the same share of the samples at both ends, half of them at most
+            position = np.arange(1, len(t) + 1) / (len(t) + 1)
+            tapered = min(FADE / poses.duration_s[k], 0.5)
+            rise = np.minimum(np.minimum(position, 1 - position) / tapered, 1)
+            weights = (1 - np.cos(np.pi * rise)) / 2
+            mean_f, mean_w = (np.average(x, axis=0, weights=weights) for x in (f, w))
+            # the sway: what remains of the rotation without its mean and the one at the mean rate
+            sway = turned - since[:, None] * mean_w
+            sway -= np.average(sway, axis=0, weights=weights)
+            # gravity turns by the part of the sway that is across it
+            across = np.cross(sway, mean_f / np.linalg.norm(mean_f))
+            square = np.average((across**2).sum(axis=1), weights=weights)
+            poses.f[k], poses.w[k] = mean_f * (1 + square / 2), mean_w
             poses.duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
-        # rotation and time from the mean attitude to both ends
         rotation = turned[[0, -1]] - np.average(turned, axis=0, weights=weights)
         poses.to_ends_s[k] = since[[0, -1]] - np.average(since, weights=weights)
         poses.w_to_ends[k] = rotation / poses.to_ends_s[k][:, None]

@@ -59,31 +59,20 @@ class Log:
         clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
         return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
-    def evaluate(self, sensor, function, *constants, output=identity, align_other=identity):
-        """Return the values of a function of a sensor's channels at all N samples, (N, …).
+    def channels(self, sensor, output=identity, align_other=identity):
+        """Return the inputs of an effect of a sensor at all N samples, LoggedChannels.
 
-        Parameters
-        ----------
-        sensor : str
-            Name of the sensor.
-        function : callable
-            Takes LoggedChannels, the channels of the whole log that effects of the sensor depend
-            on, and the constants. Returns an array (N, …).
-        *constants
-            Further arguments of the function.
-        output : callable, optional
-            Converts values of the sensor, nominal SI, (N, 3), to ``K (raw - b)``, SI.
-        align_other : callable, optional
-            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, SI.
+        `sensor` is the name of the sensor. `output` converts its values from nominal SI, (N, 3), to
+        ``K (raw - b)``, SI. `align_other` converts values of the other sensor to calibrated ones.
+        By default both stay in nominal SI.
         """
         own_name, other_name = OWN[sensor]
-        channels = LoggedChannels(
+        return LoggedChannels(
             self.t,
             self.temperature,
             output=lambda: output(getattr(self, own_name)),
             other=lambda: align_other(getattr(self, other_name)),
         )
-        return function(channels, *constants)
 
 
 @dataclass(frozen=True)
@@ -128,7 +117,7 @@ class Recording:
         return replace(self, poses=new)
 
     def pose_channels(self, sensor, output, other, align_other=identity):
-        """Return the Channels that an effect of a sensor depends on, at the n poses.
+        """Return the inputs of an effect of a sensor at the n poses, Channels.
 
         Parameters
         ----------
@@ -143,18 +132,19 @@ class Recording:
             `other`. Effects that depend on the whole log of N samples use it.
         """
         poses = self.poses
-        mean_over_poses = partial(pose_means, poses, self.logs)
         return Channels(
             t=poses.mid_s,
             output=output(getattr(poses, OWN[sensor][0])),
             other=other,
             temperature=poses.temperature,
-            history=self._history(sensor, output, align_other, mean_over_poses),
+            history=self._history(
+                sensor, output, align_other, partial(pose_means, poses, self.logs)
+            ),
             power_cycle=poses.power_cycle,
         )
 
     def rotation_channels(self, sensor, output, other, align_other=identity):
-        """Return the Channels that an effect of a sensor depends on, along the m rotations.
+        """Return the inputs of an effect of a sensor along the m rotations, Channels.
 
         The Channels have m k points: the k samples of the first rotation, then of the next.
 
@@ -178,6 +168,7 @@ class Recording:
 
             `logged` has an array (N, …) by session, with a value for each sample of its log.
             """
+            # each time of a rotation is the time of a sample
             rows = zip(session, rotations.t, strict=True)
             return np.concatenate([logged[s][np.searchsorted(self.logs[s].t, t)] for s, t in rows])
 
@@ -229,8 +220,8 @@ class Recording:
                 rotations = replace(rotations, **{own: in_moves})
         return replace(self, poses=poses, rotations=rotations)
 
-    def _history(self, sensor, output, align_other, reduce):
-        """Return a function `history`, with which Channels evaluate a function of the whole log.
+    def _history(self, sensor, output, align_other, gather):
+        """Return the `history` of Channels, which evaluates a function of the whole log at points.
 
         `history` takes a function, of the LoggedChannels of a session and of constants, and these
         constants. It returns the values of this function at the points of the Channels.
@@ -242,7 +233,7 @@ class Recording:
         output, align_other : callable
             Convert values of the sensor, nominal SI, to ``K (raw - b)``, and values of the other
             sensor to calibrated ones.
-        reduce : callable
+        gather : callable
             Takes a dict with an array (N, …) by session, the values at all samples of its log;
             returns the values at the points of the Channels.
         """
@@ -250,13 +241,11 @@ class Recording:
         @cache
         def history(function, *constants):
             """Return the values of a function of the whole log at the points of the Channels."""
-            by_session = {
-                session: self.logs[session].evaluate(
-                    sensor, function, *constants, output=output, align_other=align_other
-                )
-                for session in set(self.poses.session.tolist())
-            }
-            return reduce(by_session)
+            by_session = {}
+            for session in set(self.poses.session.tolist()):
+                channels = self.logs[session].channels(sensor, output, align_other)
+                by_session[session] = function(channels, *constants)
+            return gather(by_session)
 
         return history
 
@@ -292,6 +281,7 @@ def record(samples, segments, longest_rotation, rails=None):
     """
     rails = rails or [{}] * len(samples)
     logs = tuple(map(Log.of, map(on_gyroscope_clock, samples), rails))
+    # the poses by the segments alone, to which the logs add further fields
     poses = gather_poses(segments)
     add_rounding(poses, logs)
     add_tilt_turns(poses, logs)

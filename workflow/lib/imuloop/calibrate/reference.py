@@ -60,11 +60,12 @@ def read_reference(sessions, calibration):
     ``samples`` and ``segments``. The Calibration of the device is applied to the logs without the
     effects that depend on time, or on channels that not every log has.
     """
-    logs = {}
+    logs, sensors = {}, {}
     for name in SENSORS:
         sensor = getattr(calibration, name)
         steady = tuple(e for e in sensor.effects if not (e.effect.timed or e.effect.needs))
-        calibration = replace(calibration, **{name: replace(sensor, effects=steady)})
+        sensors[name] = replace(sensor, effects=steady)
+    calibration = replace(calibration, **sensors)
     for name, session in sessions.items():
         metadata = read_metadata(session["samples"]).get("reference") or {}
         if session["kind"] == "reference_motion" and "noise" in metadata:
@@ -72,6 +73,7 @@ def read_reference(sessions, calibration):
             log, frame = Log.of(samples), np.array(metadata["frame"])
             f, w = calibration.calibrated(log.f, log.w, log.t, temperature=None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
+            # not-a-number where the reference was lost
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
             # a reference without positions has no noise of them
@@ -119,6 +121,7 @@ class Windows:
     """
 
     def __init__(self, logs, gravity, calibration):
+        """Find the windows, and set the attributes but `shared`, which depends on other sensors."""
         self.logs, self.gravity = logs, gravity
         by_session = (self._find_windows(session, log) for session, log in enumerate(logs))
         rows = [np.zeros((0, 4), int), *by_session]
@@ -145,20 +148,23 @@ class Windows:
         and last sample. Half a window lasts `self.half` seconds. The reference is needed at these
         three samples; for the accelerometer its attitude is needed at all samples.
         """
-        step, i, windows = np.median(np.diff(log.t)), 0, []
+        step, lost = np.median(np.diff(log.t)), ~np.isfinite(log.attitude[:, 0, 0])
+        valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
         # a number that rises at each interruption: a window lies where it is constant
         part = np.append(0, np.cumsum(np.diff(log.t) > gap_limit(step)))
-        lost, half = ~np.isfinite(log.attitude[:, 0, 0]), round(self.half / step)
-        valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
         if self.sensor == "accelerometer":
             part, valid = part + np.cumsum(lost), valid & np.isfinite(log.place[:, 0])
-        while i + 2 * half < len(log.t):
-            rows = [i, i + half, i + 2 * half]
-            complete = valid[rows].all() and part[i] == part[i + 2 * half]
-            windows += [(session, *rows)] * int(complete)
-            # windows begin a second and five samples apart, so that windows of the gyroscope do not
-            # touch; without all samples a window is tried again a tenth of its half later
-            i += round(TURN / step) + 5 if complete else 1 + half // 10
+        half, first, windows = round(self.half / step), 0, []
+        while first + 2 * half < len(log.t):
+            rows = [first, first + half, first + 2 * half]
+            if valid[rows].all() and part[rows[0]] == part[rows[2]]:
+                windows.append([session, *rows])
+                # the next one begins more than a second later: windows of the gyroscope do not
+                # touch
+                first += round(TURN / step) + 5
+            else:
+                # try again a little later
+                first += 1 + half // 10
         return np.array(windows, int).reshape(-1, 4)
 
     def read_logs(self, values, rows):
@@ -175,20 +181,20 @@ class Windows:
         """Return the sensor's output ``(1 + A) (y - b)`` at the samples of the windows, (m, k, 3).
 
         y are the calibrated values of the sensor, interpolated at the times of the reference. A is
-        the error of the calibration's T and K, and b the bias, both of the parameters x, (p,); the
-        unit is the sensor's. A sample with the time stamp s was taken at ``s + dt + d (s -
-        s_m)`` on the clock of the reference, where s_m is the middle of the log, dt the offset of
-        the clock, and d its drift, the argument `drift`.
+        the error of the calibration's T and K, and b the bias of the session, both of the
+        parameters x, (p,); the unit is the sensor's. A sample with the time stamp s was taken at
+        ``s + dt + d (s - s_m)`` on the clock of the reference, where s_m is the middle of the log,
+        dt the offset of the clock, and d its drift, the argument `drift`.
         """
-        # 1 + A; the first shared parameter is the offset of the clock, the last are the entries of
-        # A
-        A, values, shared = np.eye(3), [], x[self.shared]
-        A[self.entries] += shared[-len(self.entries[0]) :]
+        # the first shared parameter is the offset of the clock, the last are the entries of A
+        shared, gain, values = x[self.shared], np.eye(3), []
+        gain[self.entries] += shared[-len(self.entries[0]) :]
         for log in self.logs:
             times = log.t + shared[0] + drift * (log.t - (log.t[0] + log.t[-1]) / 2)
             columns = getattr(log, self.channel).T
             values.append(np.column_stack([np.interp(log.t, times, c) for c in columns]))
-        return (self.read_logs(values, self.rows) - x[self.places[self.session, None, :3]]) @ A.T
+        bias = x[self.places[:, :3]][self.session]
+        return (self.read_logs(values, self.rows) - bias[:, None]) @ gain.T
 
     def mounting(self, x):
         """Return the mounting M of each window, (m, 3, 3), from the parameters x, (p,).
@@ -201,26 +207,30 @@ class Windows:
     def derivative(self, x):
         """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
 
-        The derivative is numerical. The residuals of a window have three components.
+        The residuals of a window have three components. The derivative is numerical. A window
+        depends only on the shared parameters and on the parameters of its session. So a parameter
+        that each session has is changed in all sessions at once.
         """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
-        # one parameter is changed in all sessions at once
-        for columns in (*np.tile(self.shared, (len(self.logs), 1)).T, *self.places.T):
+        # index of each parameter by session, which is the same for a shared parameter
+        shared = np.tile(self.shared, (len(self.logs), 1))
+        for by_session in np.hstack([shared, self.places]).T:
             moved = x.copy()
-            moved[columns] += STEP
+            moved[by_session] += STEP
             change = (self.values(moved) - residual).ravel() / STEP
-            jacobian[np.arange(len(jacobian)), columns[self.session].repeat(3)] = change
+            jacobian[np.arange(len(jacobian)), by_session[self.session].repeat(3)] = change
         return jacobian
 
     def noise(self, model):
         """Return the noise of the reference in each window, and the noise of the sensor.
 
         The first two are the variances of the attitude, rad², (m,), and of the place, m², (m,). The
-        third is N², the density of the sensor's white noise by the NoiseModel `model`, squared and
-        averaged over its axes.
+        third is N², the squared density of the sensor's white noise by the NoiseModel `model`, mean
+        of its axes.
         """
-        variances = np.array([log.noise for log in self.logs])[self.session].T ** 2
-        return *variances, np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
+        attitude, place = np.array([log.noise for log in self.logs])[self.session].T ** 2
+        white = np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
+        return attitude, place, white
 
 
 class Turns(Windows):
@@ -237,19 +247,18 @@ class Turns(Windows):
 
     def values(self, x):
         """Return the residuals ε, rad, (m, 3), for the parameters x, (p,)."""
-        # the second shared parameter is the drift of the clock
-        steps = step_vectors(self.output(x, x[self.shared[1]]), np.diff(self.t, axis=1))
+        _, drift, *_ = x[self.shared]
+        steps = step_vectors(self.output(x, drift), np.diff(self.t, axis=1))
         C, M = matrix(prefix_product(exponential(steps))[:, -1]), self.mounting(x)
+        # Q M at both ends
         start, end = (self.read_logs("attitude", rows) @ M for rows in (self.first, self.last))
         return Rotation.from_matrix(end.swapaxes(1, 2) @ start @ C).as_rotvec()
 
     def floor(self, x, model):
         """Return the variance of a component of the residuals ε by the noise alone, rad², (m,).
 
-        A residual is the difference between the rotations over a window by the gyroscope and by the
-        reference, a rotation vector. The noise is the error of the reference's attitude at both
-        ends, and the white noise of the gyroscope over the window, by the NoiseModel `model`. `x`
-        are the parameters, (p,).
+        The noise is the error of the reference's attitude at both ends, and the white noise of the
+        gyroscope over the window, by the NoiseModel `model`. The parameters `x` do not matter.
         """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
@@ -277,7 +286,8 @@ class Places(Windows):
         # `windows_of` leaves out a sensor with too few windows, so nothing more is computed
         if len(self.session) < LEAST_WINDOWS:
             return
-        # weights of a mean, which fall linearly from the middle; times the attitude, (m, 3, 3 k)
+        # weights of a mean, which fall linearly from the middle to zero; times the attitude they
+        # are one matrix for all samples of a window, (m, 3, 3 k)
         distance = np.abs(self.t - (self.t[:, :1] + self.t[:, -1:]) / 2)
         weights = np.gradient(self.t, axis=1) * (np.ptp(self.t, axis=1)[:, None] / 2 - distance)
         self.weights = weights / weights.sum(axis=1, keepdims=True)
@@ -285,9 +295,10 @@ class Places(Windows):
         self.mean = mean.swapaxes(1, 2).reshape(len(mean), 3, -1)
         # attitude, (m, 3, 3, 3), and place, (m, 3, 3), at the start, middle and end of each window
         ends = np.column_stack([self.first, self.middle, self.last])
-        self.ends = self.read_logs("attitude", ends), self.read_logs("place", ends)
+        self.attitude, self.place = (self.read_logs(name, ends) for name in ("attitude", "place"))
         up = self.subtract_motion(self.read_logs("f", self.rows), np.zeros((1, 3, 1)))
-        # first estimate of the upward direction of each session, without mounting and arm
+        # first estimate of the upward direction of each session, without mounting and arm; any for
+        # a session without windows
         by_session = (up[self.session == s] / self.gravity for s in range(len(self.logs)))
         self.up = np.array([np.median(u, axis=0) if len(u) else np.eye(3)[2] for u in by_session])
 
@@ -295,37 +306,37 @@ class Places(Windows):
         """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
 
         Both are on the axes of the reference's world and are averaged over each of the m windows.
-        `f`, (m, k, 3), is the specific force of the k samples of a window, and `arm`, m,
-        (m or 1, 3, 1), the place of the sensor seen from the marker. Both are on the axes near the
-        body's from which the `attitude` of a ReferenceLog rotates.
+        `f`, (m, k, 3), is the specific force of the k samples of a window, and `arm`, m, (m or 1,
+        3, 1), the place of the sensor seen from the marker. Both are on the axes near the body's
+        from which the `attitude` of a ReferenceLog rotates.
         """
-        place = self.ends[1] + (self.ends[0] @ arm[:, None])[..., 0]
+        # place of the sensor at the start, middle and end, and its second difference
+        place = self.place + (self.attitude @ arm[:, None])[..., 0]
         half = np.ptp(self.t, axis=1)[:, None] / 2
-        force = (self.mean @ f.reshape(len(f), -1, 1))[..., 0]
-        return force - np.diff(place, 2, axis=1)[:, 0] / half**2
+        acceleration = np.diff(place, 2, axis=1)[:, 0] / half**2
+        return (self.mean @ f.reshape(len(f), -1, 1))[..., 0] - acceleration
 
     def values(self, x):
         """Return the residuals ε, m/s², (m, 3), for the parameters x, (p,)."""
         M, up = self.mounting(x), self.up + x[self.places[:, 6:]]
-        up *= self.gravity / np.linalg.norm(up, axis=1, keepdims=True)
+        gravity = up * (self.gravity / np.linalg.norm(up, axis=1, keepdims=True))
+        # the shared parameters are the offset of the clock, the arm from the marker, and A
         force, arm = self.output(x) @ M.swapaxes(1, 2), M @ x[self.shared[1:4], None]
-        return self.subtract_motion(force, arm) - up[self.session]
+        return self.subtract_motion(force, arm) - gravity[self.session]
 
     def floor(self, x, model):
         """Return the variance of a component of the residuals ε by the noise alone, (m/s²)², (m,).
 
-        A residual is the difference between the mean accelerations over a window by the
-        accelerometer and by the reference. The noise is the error of the reference's attitude and
-        place, and the white noise of the accelerometer, by the NoiseModel `model`. `x` are the
-        parameters, (p,).
+        The noise is the error of the reference's attitude and place, and the white noise of the
+        accelerometer, by the NoiseModel `model`. `x` are the parameters, (p,).
         """
         attitude, place, white = self.noise(model)
-        # variance of the specific force on the axes of the world: gravity by a wrong attitude, and
-        # white noise; a second difference of places has six times the variance of one place, in
-        # which the arm is turned by a wrong attitude, too
-        force = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
-        place = 6 * (place + (x[self.shared[1:4]] ** 2).sum() * attitude) / HALF**4
-        return force * (self.weights**2).sum(axis=1) + place
+        # a wrong attitude turns gravity, and the arm, whose length is in the parameters
+        step = np.median(np.diff(self.t, axis=1), axis=1)
+        force = self.gravity**2 * attitude + white / step
+        place = place + np.sum(x[self.shared[1:4]] ** 2) * attitude
+        # a second difference has the variance of 1 + 4 + 1 values
+        return force * (self.weights**2).sum(axis=1) + 6 * place / HALF**4
 
 
 @dataclass(frozen=True)
@@ -364,22 +375,23 @@ class SetUp:
         without : sequence of int, optional
             Indices in x of parameters that are set to zero.
         """
-        # index of the first shared parameter; the residuals if some parameters are zero, by the
-        # Jacobian in all columns of `white` but the last, which has the residuals
-        first, without = min(w.shared[0] for w in self.windows), [*without]
-        r = self.white[:, -1] - self.white[:, without] @ self.x[without]
-        by_session = np.linalg.qr(self.white[:, :first])[0]
-        rows = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
-        # remove the part of each row that the parameters of the sessions can explain
+        jacobian, residual = self.white[:, :-1], self.white[:, -1]
+        # the residuals if the parameters `without` are zero, and the Jacobian of the others
+        residual = residual - jacobian[:, [*without]] @ self.x[[*without]]
+        first_shared = min(w.shared[0] for w in self.windows)
+        shared = np.setdiff1d(np.arange(first_shared, len(self.x)), without)
+        rows = np.column_stack([jacobian[:, shared], residual])
+        # remove the part of each column that the parameters of the sessions can explain
+        by_session = np.linalg.qr(jacobian[:, :first_shared])[0]
         rows -= by_session @ (by_session.T @ rows)
-        # the rows of the prior belong to fold -1, which all fits use
+        # the rows of the prior, the last ones, belong to fold -1, which all fits use
         fold_of_row = np.append(folds, np.full(len(self.x), -1))
-        residual = np.zeros(len(rows))
+        errors = np.zeros(len(rows))
         for fold in np.unique(folds):
-            held_out, used = fold_of_row == fold, rows[(fold_of_row != fold) | (fold_of_row < 0)]
-            change = np.linalg.lstsq(used[:, :-1], -used[:, -1])[0]
-            residual[held_out] = rows[held_out] @ np.append(change, 1.0)
-        return residual[: len(folds)] * np.sqrt(self.variance)
+            held_out, used = fold_of_row == fold, (fold_of_row != fold) | (fold_of_row < 0)
+            change = np.linalg.lstsq(rows[used, :-1], -rows[used, -1])[0]
+            errors[held_out] = rows[held_out, -1] + rows[held_out, :-1] @ change
+        return errors[: len(folds)] * np.sqrt(self.variance)
 
 
 def windows_of(logs, gravity, calibration):
@@ -403,31 +415,36 @@ def fit_set_up(windows, noise):
     for w in windows:
         w.shared, prior = len(prior) + np.arange(len(w.prior)), np.append(prior, w.prior)
     x = np.zeros(len(prior))
-
-    def white(x, size, _):
-        """Return all residuals, then x, divided by their standard deviations `size`, (n + p,).
-
-        The last argument is for the derivative alone.
-        """
-        return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
-
     # each round estimates the variances from the residuals of the round before
     for _ in range(4):
-        floor, residuals = [w.floor(x, noise) for w in windows], [w.values(x) for w in windows]
-        variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
-        size = np.append(np.sqrt(variance), prior)
-        slope = np.concatenate([*(w.derivative(x) for w in windows), np.eye(len(x))])
-        jacobian = slope / size[:, None]
-        # the derivative is constant within a round, as it changes little: the solver takes it from
-        # the last of `args`
-        x = least_squares(
-            white, x, lambda *a: a[-1], args=(size, jacobian), method="lm", x_scale="jac"
-        ).x
+        set_up = _fit_round(windows, noise, prior, x)
+        x = set_up.x
+    return set_up
+
+
+def _fit_round(windows, noise, prior, start):
+    """Return the SetUp of a fit with variances and derivatives at the parameters `start`, (p,).
+
+    Takes a tuple of Windows, a NoiseModel and the prior standard deviations of the parameters, SI,
+    (p,). The derivative is constant in the fit, as it changes little.
+    """
+    floor, residuals = [w.floor(start, noise) for w in windows], [w.values(start) for w in windows]
+    variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
+    # the parameters are residuals too, with the standard deviations of the prior
+    size = np.append(np.sqrt(variance), prior)
+    slope = np.concatenate([*(w.derivative(start) for w in windows), np.eye(len(start))])
+    jacobian = slope / size[:, None]
+
+    def white(x):
+        """Return all residuals, then x, over their standard deviations, (n + p,)."""
+        return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
+
+    x = least_squares(white, start, lambda x: jacobian, method="lm", x_scale="jac").x
     return SetUp(
         windows=windows,
         x=x,
         covariance=covariance_of(jacobian),
-        white=np.column_stack([jacobian, white(x, size, jacobian)]),
+        white=np.column_stack([jacobian, white(x)]),
         floor=np.concatenate(floor).repeat(3),
         variance=variance,
     )
@@ -438,9 +455,10 @@ def _estimate_variance(values, floor):
 
     The result is the variance by the noise, `floor`, (m,), plus one that all windows share. The
     common variance follows from the median of the squared residuals `values`, (m, 3), as the median
-    of χ² with three degrees of freedom is 2.366. The variance of residuals above three standard
-    deviations is increased, as Huber's weights do, so that their influence is limited.
+    of χ² with three degrees of freedom is 2.366. Residuals above three standard deviations get a
+    larger variance, as by Huber's weights, so that their influence is limited.
     """
     square = (values**2).sum(axis=1)
     variance = floor + max(np.median(square / 2.366 - floor), 0.0)
-    return variance * np.maximum(np.sqrt(square / variance / 3) / 3, 1.0)
+    deviations = np.sqrt(square / variance / 3)
+    return variance * np.maximum(deviations / 3, 1.0)

@@ -15,13 +15,10 @@ from imuloop.calibrate.undersampling import PARTS, aliased_turns, middle_steps
 from imuloop.core.errors import plural
 from imuloop.core.gaps import lost_samples
 from imuloop.core.segments import GAP
-from imuloop.core.tables import joined
 
 # share of a rotation at either end that is too slow to be told from a rest, and the part of this
 # end, s, that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
-# columns that `aliased_turns` computes
-ALIASING = ("aliased", "fall", "aliasing_covariance")
 
 
 @dataclass(frozen=True)
@@ -75,33 +72,30 @@ class Lost:
     @property
     def reason(self):
         """Why rotations were left out, text; empty if none was."""
-        left_out = (
-            f"; {self.left_out} of {self.rotations} turns lost up to "
-            f"{plural(self.longest, 'sample')} in a row and are left out"
-        )
-        clipped = (
-            f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's range "
-            "and are left out: choose a wider range or turn more slowly"
-        )
-        return left_out * bool(self.left_out) + clipped * bool(self.clipped)
+        text = ""
+        if self.left_out:
+            lost = plural(self.longest, "sample")
+            text += f"; {self.left_out} of {self.rotations} turns lost up to {lost} in a row and "
+            text += "are left out"
+        if self.clipped:
+            text += f"; {self.clipped} of {self.rotations} turns reached the end of the "
+            text += "gyroscope's range and are left out: choose a wider range or turn more slowly"
+        return text
 
     @property
     def rests_reason(self):
         """Why rests were left out, text; empty if none was."""
+        if not self.railed:
+            return ""
         rests = plural(self.railed, "rest")
-        reason = f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
-        return reason * bool(self.railed)
+        return f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
 
 
 def gather_rotations(poses, logs, segments, longest_s):
     """Return the Rotations between consecutive poses of a session, and the Lost, those left out.
 
-    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
-    rotation also takes the nearest part of both poses: the rotation starts and ends too slowly to
-    be told from a rest, and the angle of these parts is larger than the noise of the added time.
-
-    A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
-    a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap, has a clipped angular
+    rate, or if missing samples make its angle too uncertain.
 
     Parameters
     ----------
@@ -115,79 +109,91 @@ def gather_rotations(poses, logs, segments, longest_s):
     Returns
     -------
     Rotations
-        The rotations that a fit can use.
+        The m rotations that a fit can use.
     Lost
         How many rotations were left out, and why.
     """
-    # by session the table of its rotations; the first one, for a device without sessions, is empty
-    none = np.zeros(0, int)
-    empty = {"first": none, "start": none, "end": none, "session": none, "step": np.zeros(0)}
-    empty |= {"force_clipped": none > 0, "time_covariance": np.zeros((0, PARTS, 3, 3))}
-    tables = [empty | dict(zip(ALIASING, aliased_turns(*[()] * 6), strict=True))]
-    candidates, lost_runs, clipped_turns = 0, [], 0
-    # part of each pose that a slow rotation may take, s; none of a pose that tilts, because its
-    # field `w_to_ends` already has the rotation within it
-    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
-    for session in np.unique(poses.session):
-        log, table = logs[session], segments[session]
-        # poses from which a rotation starts, and its start and end
-        pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
-        pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
-        start, end = poses.end_s[pose], poses.start_s[pose + 1]
-        onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
-        start, end = start - np.minimum(onset, room[pose]), end + np.minimum(onset, room[pose + 1])
+    # the c rotations that are short enough: index of the pose that each starts from, its session,
+    # the rate at rest there, and the ends
+    first = np.flatnonzero(poses.session[:-1] == poses.session[1:])
+    first = first[poses.start_s[first + 1] - poses.end_s[first] <= longest_s]
+    session, bias, variance = poses.session[first], poses.w[first], poses.variance[first, 3:]
+    start_s, end_s = _find_ends(poses, first)
+    # these are filled in session by session
+    start, end, lost = np.zeros((3, len(first)), dtype=int)
+    accurate, rate_clipped, force_clipped = np.zeros((3, len(first)), dtype=bool)
+    step, aliased, fall = np.zeros((3, len(first)))
+    time_covariance, aliasing_covariance = np.zeros((2, len(first), PARTS, 3, 3))
+    for s in np.unique(session):
+        log, table, rows = logs[s], segments[s], session == s
+        step[rows] = np.median(np.diff(log.t))
+        # the end of a pose is exclusive: its last sample is the one before
+        start[rows] = np.searchsorted(log.t, start_s[rows]) - 1
+        end[rows] = np.searchsorted(log.t, end_s[rows])
+        turns = {"begin": start[rows], "last": end[rows]}
+        turns |= {"bias": bias[rows], "variance": variance[rows]}
+        time_covariance[rows], accurate[rows], lost[rows] = errors_of_time(log.t, log.w, **turns)
         is_gap = np.asarray(table["kind"]) == GAP
         gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
-        crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
-        # `end_s` is exclusive: the last sample of the pose is the one before it
-        first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
-        # the rate at rest before the rotation
-        bias, variance = poses.w[pose], poses.variance[pose, 3:]
-        covariance, accurate, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
-        accurate &= ~crosses_gap
-        # a rotation is clipped if the number of clipped samples rises between its ends
+        crosses = (gap_start < end_s[rows, None]) & (gap_end > start_s[rows, None])
+        accurate[rows] &= ~crosses.any(axis=1)
+        # the number of clipped samples before each sample rises within a rotation that has one
         count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
-        rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
-        candidates += len(pose)
-        lost_runs += lost[~accurate].tolist()
-        clipped_turns += np.count_nonzero(accurate & rate_clipped)
-        usable = accurate & ~rate_clipped
-        columns = {"first": pose, "start": first, "end": last, "force_clipped": force_clipped}
-        columns |= {"session": np.full(len(pose), session), "time_covariance": covariance}
-        columns["step"] = np.full(len(pose), np.median(np.diff(log.t)))
-        turns = {name: column[usable] for name, column in columns.items()}
-        bias, variance, start, end = bias[usable], variance[usable], turns["start"], turns["end"]
-        aliasing = aliased_turns(log.t, log.w, begin=start, last=end, bias=bias, variance=variance)
-        tables.append(turns | dict(zip(ALIASING, aliasing, strict=True)))
-    turns = joined(tables)
+        rate_clipped[rows], force_clipped[rows] = count[:, end[rows] + 1] > count[:, start[rows]]
+        rows &= accurate & ~rate_clipped
+        aliased[rows], fall[rows], aliasing_covariance[rows] = aliased_turns(
+            log.t, log.w, start[rows], end[rows], bias=bias[rows], variance=variance[rows]
+        )
+    usable = accurate & ~rate_clipped
+    start, end, session = start[usable], end[usable], session[usable]
     # samples of each rotation, with the last one repeated up to the length of the longest
-    start, end, session = turns["start"], turns["end"], turns["session"]
     length = np.max(end - start, initial=1) + 1
-    rows = np.minimum(start[:, None] + np.arange(length), end[:, None])
+    samples = np.minimum(start[:, None] + np.arange(length), end[:, None])
 
     def along(name, *shape):
         """Return the samples of a field of the logs along all rotations, (m, k, *shape).
 
         `name` is the name of the field, and `shape` is (3,) for a vector.
         """
-        values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
-        return np.reshape(values, (*rows.shape, *shape))
+        values = [getattr(logs[s], name)[i] for s, i in zip(session, samples, strict=True)]
+        return np.reshape(values, (*samples.shape, *shape))
 
     t = along("t")
     rotations = Rotations(
+        first=first[usable],
         start_s=t[:, 0],
         end_s=t[:, -1],
         t=t,
         w=along("w", 3),
         f=along("f", 3),
         temperature=None if poses.temperature is None else along("temperature"),
-        uneven=lost_samples(np.diff(t), turns["step"][:, None]) > 0,
+        uneven=lost_samples(np.diff(t), step[usable, None]) > 0,
         extra_at=middle_steps(end - start + 1),
-        **{name: turns[name] for name in ("first", "force_clipped", "time_covariance", *ALIASING)},
+        aliasing_covariance=aliasing_covariance[usable],
+        time_covariance=time_covariance[usable],
+        aliased=aliased[usable],
+        fall=fall[usable],
+        force_clipped=force_clipped[usable],
     )
     return rotations, Lost(
-        rotations=candidates,
-        left_out=len(lost_runs),
-        longest=max(lost_runs, default=0),
-        clipped=clipped_turns,
+        rotations=len(first),
+        left_out=int(np.sum(~accurate)),
+        longest=int(lost[~accurate].max(initial=0)),
+        clipped=int(np.sum(accurate & rate_clipped)),
     )
+
+
+def _find_ends(poses, first):
+    """Return the start and the end of c rotations, s, (c,) each.
+
+    A rotation lasts from the end of a pose to the start of the next pose. A slow rotation also
+    takes the nearest part of both poses: it starts and ends too slowly to be told from a rest, and
+    the angle of these parts is larger than the noise of the added time. A pose that tilts gives no
+    part, because its field `w_to_ends` already has the rotation within it. Takes the
+    Poses and the index of the first pose of each rotation, (c,).
+    """
+    start_s, end_s = poses.end_s[first], poses.start_s[first + 1]
+    # length of the slow part at either end, less the part that is not counted as rest anyway
+    onset = np.maximum(ONSET * (end_s - start_s) - SEEN, 0.0)
+    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
+    return start_s - np.minimum(onset, room[first]), end_s + np.minimum(onset, room[first + 1])

@@ -117,7 +117,7 @@ def first_log(sessions):
 def raw_units(sessions):
     """Return the RawUnits of the accelerometer and of the gyroscope, a tuple.
 
-    Of the `sessions` by name, the first one in the order of `KINDS` gives the units.
+    The first of the `sessions` by name in the order of `KINDS` gives the units.
     """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
@@ -127,9 +127,9 @@ def raw_units(sessions):
 
 
 def layout(sessions):
-    """Return what was declared for a log, such as its columns and units, a dict.
+    """Return the declaration of a log, such as its columns and units, a dict.
 
-    Of the `sessions` by name, the log is that of the first one in the order of `KINDS`. If the log
+    The log belongs to the first of the `sessions` by name in the order of `KINDS`. If the log
     has the numbers that an autopilot gives its sensors, they have the key ``sensor_ids``.
     """
     first = first_log(sessions)

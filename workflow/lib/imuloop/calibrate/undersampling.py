@@ -5,6 +5,8 @@ look like a bias. Their power is predicted from the spectrum below half the samp
 extrapolated as a power law of frequency.
 """
 
+from math import ceil
+
 import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
@@ -40,15 +42,10 @@ def aliased_turns(t, w, begin, last, bias, variance):
 
     the sum of the spectrum at multiples of the sampling rate f_s, whose phases are unknown.
     Rotations do not commute, but this changes the error by a hundredth only. The energy of each
-    axis is taken as |W|² = a f⁻ᵖ. In n samples with white noise σ², it appears with its aliases at
-    the frequencies x f_s:
-
-    .. math:: |W_s(x f_s)|² = a f_s^{-p} (ζ(p, x) + ζ(p, 1 - x)) + n Δt² σ², \quad 1/4 < x < 1/2,
-
-    where ζ is the Hurwitz zeta function. The maximum of Whittle's likelihood gives one p for all
-    rotations and one a for each. The variance of the error is 2 a f_s⁻ᵖ ζ(p) on each axis. This
-    holds for samples at instants. Means over each step would be free of the error, and a low-pass
-    filter in the sensor shows as a larger p.
+    axis is taken as |W|² = a f⁻ᵖ, so the variance of the error is 2 a f_s⁻ᵖ ζ(p) on each axis, with
+    Riemann's zeta function. The spectrum below half the sampling rate gives p, which is the same
+    for all rotations, and a of each rotation. This holds for samples at instants. Means over each
+    step would be free of the error, and a low-pass filter in the sensor shows as a larger p.
 
     Parameters
     ----------
@@ -68,38 +65,74 @@ def aliased_turns(t, w, begin, last, bias, variance):
     covariance : ndarray, shape (m, PARTS, 3, 3)
         Covariance of the error that arises in each of `PARTS` equal parts of a rotation, on body
         axes, rad². The traces of all parts add up to three times the variance.
-
-    References
-    ----------
-    Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
     """
     if not len(begin):
         return np.zeros(0), np.zeros(0), np.zeros((0, PARTS, 3, 3))
     steps = np.diff(t)
     usual = np.median(steps)
-    # index of each sample in its rotation, dropped samples counted
+    turns = [w[i : j + 1] - rest for i, j, rest in zip(begin, last, bias, strict=True)]
+    # number of each sample in its rotation, in which dropped samples count
     lost = lost_samples(steps, usual)
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
-    # length of the transform, a multiple of the bands; spectra; and shares of each part and axis
-    length, energy, shares = 4 * BANDS * -(-n.max() // (4 * BANDS)), [], []
-    for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
-        turn = w[i : j + 1] - rest
-        # the rate at even steps, dropped samples interpolated
+    # energies are of sums of samples, without the factor Δt²
+    energy = _band_energies(turns, numbers, n.max())
+    noise = n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
+    p, size = _fit_power_law(energy, noise, n)
+    aliased = 2 * size * zeta(p)
+    # a tremor or a line near half the sampling rate cannot be extrapolated by a power law
+    valid = aliased.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
+    aliased *= usual**2 * valid
+    shares = np.array([_shares_of_parts(turn) for turn in turns])
+    return aliased, np.full(len(n), p), shares * aliased[:, None, None, None]
+
+
+def _band_energies(turns, numbers, longest):
+    """Return the energy spectrum of each of m rotations, mean of the three axes, (m, BANDS).
+
+    The bands divide the frequencies from a quarter to half the sampling rate. `turns` has the
+    angular rate of each rotation less the bias, rad/s, (k, 3), and `numbers` the number of each of
+    its samples, (k,), in which dropped samples count; these are interpolated. `longest` is the
+    length of the longest rotation with dropped samples.
+    """
+    # the length of the transform is a multiple of 4 BANDS, so that all bands have as many
+    # frequencies
+    length, energy = 4 * BANDS * ceil(longest / (4 * BANDS)), []
+    for turn, number in zip(turns, numbers, strict=True):
         even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
-        power = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
-        energy.append(power.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        # the error arises where the rate bends most: second differences give its share by part
-        squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
-        squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
-        traces = np.trace(squares, axis1=1, axis2=2)[:, None, None]
-        shares.append(ANY_WAY * traces * np.eye(3) + 3 * (1 - ANY_WAY) * squares)
-    energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
+        square = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
+        energy.append(square.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
+    return np.array(energy)
+
+
+def _fit_power_law(energy, noise, n):
+    r"""Return the exponent p of a power law for m rotations, and its size a f_s⁻ᵖ for each, (m,).
+
+    The energy a f⁻ᵖ appears in samples, with its aliases and with the energy of white noise, as
+
+    .. math:: E(x f_s) = a f_s^{-p} (ζ(p, x) + ζ(p, 1 - x)) + noise, \quad 1/4 < x < 1/2,
+
+    at the frequency x f_s, where f_s is the sampling rate and ζ the Hurwitz zeta function. p
+    maximises Whittle's likelihood, in which `energy` is exponentially distributed with the mean E.
+
+    Parameters
+    ----------
+    energy : ndarray, shape (m, BANDS)
+        Energy spectrum of each rotation between a quarter and half the sampling rate.
+    noise : ndarray, shape (m, 1)
+        Energy of white noise.
+    n : ndarray of int, shape (m,)
+        Number of samples of each rotation, its weight in the likelihood.
+
+    References
+    ----------
+    Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
+    """
     # frequency at the middle of each band over the sampling rate
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
-    def fit_energy(p):
-        """Return the best a f_s⁻ᵖ of each rotation, (m, 1), and the negative log-likelihood."""
+    def fit_sizes(p):
+        """Return the sizes at the exponent p, (m, 1), and the negative logarithm of likelihood."""
         spectrum = zeta(p, x) + zeta(p, 1 - x)
         size = np.zeros((len(n), 1))
         # weighted least squares, with weights by the result of the step before
@@ -110,12 +143,24 @@ def aliased_turns(t, w, begin, last, bias, variance):
         expected = size * spectrum + noise
         return size, n @ (np.log(expected) + energy / expected).sum(axis=1)
 
-    p = minimize_scalar(lambda p: fit_energy(p)[1], bounds=FALLS, method="bounded").x
-    aliased = 2 * fit_energy(p)[0][:, 0] * zeta(p)
-    # a tremor or a line near half the sampling rate cannot be extrapolated by a power law
-    valid = aliased.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
-    aliased *= usual**2 * valid
-    return aliased, np.full(len(n), p), np.array(shares) * aliased[:, None, None, None]
+    p = minimize_scalar(lambda p: fit_sizes(p)[1], bounds=FALLS, method="bounded").x
+    size, _ = fit_sizes(p)
+    return p, size[:, 0]
+
+
+def _shares_of_parts(turn):
+    """Return the covariance of the error in each part of a rotation, (PARTS, 3, 3).
+
+    It is given in units of the variance of the whole error on an axis, so that the sum of all
+    traces is three. The error arises where the angular rate bends most: the share of a part is its
+    share of the squared second differences of `turn`, the angular rate, (k, 3). A share `ANY_WAY`
+    of the covariance is the same in all directions; the rest has the direction of the second
+    differences.
+    """
+    squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
+    squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
+    traces = np.trace(squares, axis1=1, axis2=2)[:, None, None]
+    return ANY_WAY * traces * np.eye(3) + 3 * (1 - ANY_WAY) * squares
 
 
 def outer_products(vectors):

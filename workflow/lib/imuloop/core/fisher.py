@@ -4,15 +4,15 @@ import numpy as np
 
 
 def fisher(log_p):
-    """Return the logarithm of Fisher's combined p-value.
+    """Return the logarithm of Fisher's combined p-value of k tests.
 
-    `log_p` is a sequence of the logarithms of k p-values. They are numbers, or arrays of one shape,
-    which is then the shape of the result. ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose
-    tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at ``L = -Σ log p``.
+    `log_p` is a sequence of the logarithms of the k p-values. They are numbers, or arrays of one
+    shape, which is then the shape of the result. ``-2 Σ log p`` is χ² with 2k degrees of freedom,
+    whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at ``L = -Σ log p``.
     """
     total = -sum(log_p)
-    # the sum over i, term by term; the first term is one, in the shape of the total
-    term = series = total * 0 + 1.0
+    # each term of the sum follows from the one before
+    term = series = np.ones_like(total)
     for i in range(1, len(log_p)):
         term = term * total / i
         series = series + term

@@ -153,11 +153,11 @@ class AxisNoise:
         return variance
 
     def kernel(self, lags):
-        r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
+        r"""Return a covariance of the integral X of the output at all pairs of m times, (m, m).
 
-        Terms that vanish in the covariance of increments of X are left out. Let d be the lag
-        between the times of a pair, s the earlier and t the later one, and L the last time of all.
-        The processes give
+        It is right for increments of X, from one time to another. Terms that vanish in these are
+        left out. Let d be the lag between the times of a pair, s the earlier and t the later one,
+        and L the last time of all. The processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
@@ -204,29 +204,32 @@ class AxisNoise:
         covariance = np.zeros((len(windows),) * 2)
         for index, start, end, functions_of_lags in edges(windows) if shared is None else shared:
             # a mean is the increment of the integral over the window, divided by its length
-            k = self.kernel(functions_of_lags)
-            k = k[end] - k[start]
-            k = k[:, end] - k[:, start]
+            integral = self.kernel(functions_of_lags)
+            increment = integral[end] - integral[start]
+            increment = increment[:, end] - increment[:, start]
             length = windows[index, 1] - windows[index, 0]
-            covariance[np.ix_(index, index)] = (k + k.T) / (2 * length[:, None] * length)
+            # the mean with the transpose removes the asymmetry by rounding
+            symmetric = (increment + increment.T) / 2
+            covariance[np.ix_(index, index)] = symmetric / (length[:, None] * length)
         return covariance
 
 
 def edges(windows, power_cycle=None):
-    """Return values that the covariances of means over windows need for every axis.
+    """Return the times at which windows start or end, by power cycle, a list of tuples.
 
-    Takes start and end of each window, s, (n, 2), and its power cycle, (n,); by default all windows
-    lie in one. Returns a list with a tuple for each power cycle: the indices of its windows; the
-    indices of their starts, and of their ends, among the m times at which a window starts or ends;
-    and the five functions of pairs of these times, (m, m) each, that `lags` computes.
+    `AxisNoise.mean_covariance` takes the list for every axis. A tuple has the indices of the
+    windows of a power cycle; the indices of their starts, and of their ends, among the m different
+    times; and the five functions of pairs of these times, (m, m) each, that `lags` computes. Takes
+    start and end of each of n windows, s, (n, 2), and its power cycle, (n,); by default all lie in
+    one.
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
     shared = []
     for cycle in np.unique(power_cycle):
         index = np.flatnonzero(power_cycle == cycle)
-        times, number_of_time = np.unique(windows[index], return_inverse=True)
-        start, end = number_of_time.reshape(-1, 2).T
+        times, index_of_time = np.unique(windows[index], return_inverse=True)
+        start, end = index_of_time.reshape(-1, 2).T
         shared.append((index, start, end, lags(times - times[0])))
     return shared
 
@@ -239,7 +242,7 @@ def lags(t):
     """
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
-    # the logarithm is 0 at lag 0, where the factor d^2 removes the term
+    # any finite number will do at lag 0, where the factor d² removes the term
     logarithm = np.log(np.where(d > 0, d, t[-1]) / t[-1]) - 1.5
     return d, d**2, logarithm, early**2, late / 2 - early / 6
 
@@ -254,14 +257,15 @@ class NoiseModel:
     def value_and_std(self, axis, term):
         """Return value and standard deviation of the flicker, 'B', or random walk, 'K', of an axis.
 
-        Both are in SI. If the term is not identifiable, the value is zero, and the standard
-        deviation follows from the 95 % upper limit.
+        Both are in SI. If the term is not identifiable, the value is zero. The standard deviation
+        follows from the 95 % interval, or from the 95 % upper limit.
         """
         coefficient = getattr(self.axes[axis], term)
         if coefficient.value is None:
+            # the size of a normal variable of mean zero has its 95 % quantile at 1.96 σ
             return 0.0, (coefficient.upper95 or 0.0) / 1.96
         low, high = coefficient.ci95 or (coefficient.value, coefficient.value)
-        return coefficient.value, (high - low) / 3.92
+        return coefficient.value, (high - low) / (2 * 1.96)
 
     def with_sizes(self, sizes):
         """Return the NoiseModel with other values of some coefficients.

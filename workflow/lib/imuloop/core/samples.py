@@ -143,6 +143,7 @@ def read_columns(path, columns=None):
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
     columns = {name: table[name].to_numpy() for name in table.column_names}
+    # arrays of Arrow may be read-only
     return {name: np.require(x, requirements="W") for name, x in columns.items()}
 
 
@@ -228,7 +229,7 @@ def on_gyroscope_clock(columns):
     its specific force is averaged over the samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
-    # only the slower sensor has a column for its time stamps
+    # only the slower sensor has a column for its time stamps; several rows repeat its sample
     if gyroscope_time in columns:
         first = own_rows(columns[gyroscope_time])
         count = np.diff(np.append(first, len(columns[gyroscope_time])))
@@ -246,12 +247,12 @@ def on_gyroscope_clock(columns):
 def sums_over(values, ranges):
     """Return sums of values, (n, …), over half-open ranges of rows, (m, 2): an array (m, …).
 
-    No range may be empty, and only the last may end with the last row.
+    The ranges are in order; none is empty, and only the last may end with the last row.
     """
     edges = ranges.ravel()
-    # reduceat sums from each edge to the next, and from the last edge to the last row; every other
-    # sum is that of a range
-    edges = edges[: np.searchsorted(edges, len(values))]
+    # reduceat sums from each edge to the next, of which every other sum is that of a range. It
+    # takes no edge at the end of the values, and sums from the last edge to there
+    edges = edges[edges < len(values)]
     return np.add.reduceat(values, edges, axis=0)[::2]
 
 

@@ -23,7 +23,7 @@ _ROUNDING = 1e-14
 
 
 def segment_table(samples, start_s, end_s, kinds, poses):
-    """Return the table of segments, a DataFrame, with the statistics of every channel.
+    """Return the table of k segments, a DataFrame, with the statistics of every channel.
 
     Takes the samples, and for each segment its start and end, s, half-open, its kind, and the
     number of its pose, -1 without one. `tilt_rad` is set to zero.
@@ -38,13 +38,14 @@ def segment_table(samples, start_s, end_s, kinds, poses):
         "n": np.diff(ranges, axis=1).ravel(),
         "tilt_rad": np.zeros(len(ranges)),
     }
-    for name in (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows)):
-        # missing temperatures do not count
-        parts = (x[np.isfinite(x)] for x in (rows[name][i:j] for i, j in ranges))
-        statistics = [(x.mean(), x.std()) if len(x) else (np.nan, np.nan) for x in parts]
-        mean, deviation = np.array(statistics, float).reshape(-1, 2).T
-        deviation[deviation <= _ROUNDING * np.abs(mean)] = 0.0
-        columns |= {f"{name}_mean": mean, f"{name}_std": deviation}
+    for name in (*CHANNELS, TEMPERATURE):
+        if name in rows:
+            # missing temperatures do not count
+            parts = [x[np.isfinite(x)] for x in (rows[name][i:j] for i, j in ranges)]
+            mean = np.array([x.mean() if len(x) else np.nan for x in parts])
+            deviation = np.array([x.std() if len(x) else np.nan for x in parts])
+            deviation[deviation <= _ROUNDING * np.abs(mean)] = 0.0
+            columns |= {f"{name}_mean": mean, f"{name}_std": deviation}
     return pd.DataFrame(columns)
 
 
@@ -55,6 +56,6 @@ def power_cycles(segments):
     was off, or the clock was set. The true duration of such a gap is not known, so noise is
     independent before and after it. Takes a table of segments.
     """
-    start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
-    is_gap, duration = np.asarray(segments["kind"]) == GAP, end - start
+    duration = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
+    is_gap = np.asarray(segments["kind"]) == GAP
     return np.cumsum(is_gap & (duration > duration[~is_gap].sum()))

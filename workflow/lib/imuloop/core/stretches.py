@@ -15,12 +15,13 @@ def stretches_of(mask):
 def unbroken(rows):
     """Return the stretches of Samples between long gaps, (k, 2), and the median time step, s.
 
-    The step is 1 s if there are fewer than two samples.
+    The step is 1 s if there are fewer than two samples, and there is no stretch without samples.
     """
     step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
     edges = np.concatenate([[0], cuts, [len(rows)]])
-    return np.column_stack([edges[:-1], edges[1:]])[: len(rows)], step
+    stretches = np.column_stack([edges[:-1], edges[1:]])
+    return stretches if len(rows) else stretches[:0], step
 
 
 def lengths(ranges):
@@ -30,11 +31,13 @@ def lengths(ranges):
 
 def merged(ranges):
     """Return ranges, (k, 2), in order, with overlapping and touching ones merged."""
+    if not len(ranges):
+        return ranges
     first, last = ranges[np.argsort(ranges[:, 0])].T
-    # the end of all ranges so far; a range that starts after it is apart from them
+    # a range that starts after the end of all ranges before is apart from them
     reached = np.maximum.accumulate(last)
-    apart = np.append(True, first[1:] > reached[:-1])[: len(first)]
-    return np.column_stack([first[apart], reached[np.roll(apart, -1)]])
+    is_apart = first[1:] > reached[:-1]
+    return np.column_stack([first[np.append(True, is_apart)], reached[np.append(is_apart, True)]])
 
 
 def without(ranges, cuts):
@@ -44,8 +47,9 @@ def without(ranges, cuts):
     """
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
+        # cuts that overlap with the range: each part starts at the range's start or the end of a
+        # cut, and ends at the start of the next cut or the range's end
         low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)
-        # the parts lie between the start, the ends of the cuts within, and the end
         edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
         parts.append(edges[edges[:, 1] > edges[:, 0]])
     return np.concatenate(parts)

@@ -30,6 +30,7 @@ def joined(tables):
 def write_table(path, columns, metadata=None):
     """Write a table, a dict of arrays or a DataFrame, as a Parquet file, with metadata as JSON."""
     arrays = {name: np.asarray(columns[name]) for name in columns}
+    # a column of objects has texts; the kind of others follows from the array
     kinds = {name: pa.large_string() if x.dtype == object else None for name, x in arrays.items()}
     table = pa.table({name: pa.array(x, kinds[name]) for name, x in arrays.items()})
     if metadata:

@@ -195,7 +195,7 @@ def _mean_history(log, ends, sensor, function, *constants):
     The function takes the channels of the log on which effects of the sensor depend. `ends`,
     (n, 2), has the indices of the first sample of each window and of the first after it.
     """
-    return _means(log.evaluate(sensor, function, *constants), ends)
+    return _means(function(log.channels(sensor), *constants), ends)
 
 
 def _static_windows(log, segments, mean_time):

@@ -25,20 +25,23 @@ def first_order_lag(t, values, tau):
     """Return the response y of a first-order lag, ``τ dy/dt = x - y``, in the shape of `values`.
 
     x are the `values`, (n,) or (n, m), at the increasing times t, s, (n,); y starts at the first
-    value. The result is exact if x is linear between the samples, for steps of any length: over a
-    step of r time constants, d = y - x goes from d₀ to ``d₁ = a d₀ - g (x₁ - x₀)``, with
-    a = exp(-r) and g = (1 - a)/r. The sum over many steps is ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, with the
-    time s in units of τ; it is computed in blocks so that eˢ does not overflow.
+    value, and the time constant τ is `tau`, s. The result is exact if x is linear between the
+    samples, for steps of any length: over a step of r time constants, d = y - x goes from d₀ to
+    ``d₁ = a d₀ - g (x₁ - x₀)``, with a = exp(-r) and g = (1 - a)/r. The sum over many steps is
+    ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, with the time s in units of τ; it is computed in blocks so that eˢ
+    does not overflow.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     d, start = np.zeros_like(x), 1
     while start < len(t):
+        # the block has the samples from `start` to before `end`, at least one
         end = np.searchsorted(t, t[start - 1] + _SUMMED * tau, side="right")
         end = max(min(end, start + _BLOCK), start + 1)
         r = np.diff(t[start - 1 : end])[:, None] / tau
+        # 1 for a step of length zero
         g = np.where(r > 0, -np.expm1(-r) / np.where(r > 0, r, 1.0), 1.0)
-        # eˢ of the docstring; the exponent of a longer step is cut: the response has forgotten
-        # everything before it
+        # eˢ; after a step too long for a block, the response has forgotten everything before it,
+        # and so the exponent may be cut
         growth = np.exp(np.minimum((t[start:end] - t[start - 1]) / tau, _SUMMED))[:, None]
         added = np.cumsum(growth * g * np.diff(x[start - 1 : end], axis=0), axis=0)
         d[start:end] = (d[start - 1] - added) / growth
@@ -52,26 +55,30 @@ def play(values, half_width):
     p is a point that is dragged by two walls at a distance of w, `half_width`, on either side of x:
     from one sample to the next, ``p₁ = min(max(p₀, x - w), x + w)``. p starts at the first value.
 
+    Two such clamps in a row are one clamp. So the values are cut into about √n stretches. For all
+    stretches at once, the clamps from the start of a stretch to each of its samples are combined.
+    Then the point is carried from stretch to stretch.
+
     References
     ----------
     M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
     """
-    low, high = values - half_width, values + half_width
-    # two clamps in a row are one clamp. The values are cut into about √n stretches. From the start
-    # of a stretch to each of its samples all clamps are one, to `lower` … `upper`; this is computed
-    # for all stretches at once, and then applied to the point at the start of each stretch
     count = max(int(np.sqrt(len(values))), 1)
-    padding = -len(values) % count
-    low, high = (np.pad(x, (0, padding)).reshape(-1, count).T for x in (low, high))
+    # (count, number of stretches): the walls at each sample of each stretch; copies of the last
+    # value fill the last stretch
+    padded = np.pad(values, (0, -len(values) % count), mode="edge").reshape(-1, count).T
+    low, high = padded - half_width, padded + half_width
+    # limits of the point at each sample by all walls since the start of its stretch
     lower, upper = low.copy(), high.copy()
     for k in range(1, count):
-        for ends in (lower, upper):
-            ends[k] = np.minimum(np.maximum(ends[k - 1], low[k]), high[k])
-    starts, point = [], next(iter(values), 0.0)
-    for first, last in zip(lower[-1].tolist(), upper[-1].tolist(), strict=True):
+        lower[k] = np.clip(lower[k - 1], low[k], high[k])
+        upper[k] = np.clip(upper[k - 1], low[k], high[k])
+    # the point at the start of each stretch
+    starts, point = [], values[0]
+    for last_lower, last_upper in zip(lower[-1].tolist(), upper[-1].tolist(), strict=True):
         starts.append(point)
-        point = min(max(point, first), last)
-    return np.minimum(np.maximum(starts, lower), upper).T.ravel()[: len(values)]
+        point = min(max(point, last_lower), last_upper)
+    return np.clip(starts, lower, upper).T.ravel()[: len(values)]
 
 
 def fast_part(t, values, period):
@@ -115,6 +122,7 @@ def secant(t, values, seconds):
     change = slope(t, values)
     if len(t) < 2 or abs(seconds) < _INSTANT:
         return change
+    # the shifted time lies between the samples k and k + 1, at the share s of the step h
     k = np.clip(np.searchsorted(t, t + seconds, side="right") - 1, 0, len(t) - 2)
     h = (t[k + 1] - t[k])[:, None]
     s = (t + seconds - t[k])[:, None] / h
@@ -125,11 +133,13 @@ def secant(t, values, seconds):
 
 
 def moving_mean(t, values, width):
-    """Return the mean of values over the `width` seconds before each time t, (n, m).
+    """Return the mean of values, (n, m), over the `width` seconds before each time, (n, m).
 
-    Near the start of the log the mean is over the samples since the start.
+    Near the start of the log the mean is over the samples since the start. Takes the times t, s,
+    (n,).
     """
+    # a sum over samples is the difference of two sums since the start
     sums = np.zeros((len(t) + 1, values.shape[1]))
     np.cumsum(values, axis=0, out=sums[1:])
-    first = np.searchsorted(t, t - width)
-    return (sums[1:] - sums[first]) / (np.arange(1, len(t) + 1) - first)[:, None]
+    first, end = np.searchsorted(t, t - width), np.arange(1, len(t) + 1)
+    return (sums[end] - sums[first]) / (end - first)[:, None]

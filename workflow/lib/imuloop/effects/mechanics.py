@@ -62,16 +62,18 @@ def vibration(channels):
     after each sample. At either end of a pose one of these windows lies in the pose, so that the
     shaking of the turn next to the pose does not count.
     """
-    # the mean squares replace the output, axis by axis
-    t, square = channels.t, np.array(channels.output)
+    t, squares = channels.t, []
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # one axis at a time, to save memory
-    for axis in range(3):
-        before = moving_mean(t, fast_part(t, square[:, [axis]], PERIOD) ** 2, WINDOW)[:, 0]
-        # the mean square after a sample is the one before the last sample of the window after it;
+    for output in np.transpose(channels.output):
+        # slower changes, as in a turn, are not vibration
+        vibrating = fast_part(t, output[:, None], PERIOD)
+        before = moving_mean(t, vibrating**2, WINDOW)[:, 0]
+        # the mean square after a sample is the one before the last sample of the window after it
+        smaller = np.minimum(before, before[last])
         # rounding of large sums may make small mean squares negative
-        square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
-    return square
+        squares.append(np.maximum(smaller, 0.0))
+    return np.column_stack(squares)
 
 
 class VibrationRectification(Effect):

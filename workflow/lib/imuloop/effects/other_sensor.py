@@ -124,11 +124,17 @@ class LeverArm(Effect):
     rate_of_change = True
 
     def design(self, channels):
-        """Return the derivative of e with respect to r_x and r_y, rad²/s², (n, 3, 6)."""
+        """Return the derivative of e with respect to r_x and r_y, rad²/s², (n, 3, 6).
+
+        For each sample ``dw/dt × r + w × (w × r) = A r``. The derivative of e_x with respect to r_x
+        is the first row of A, that of e_y with respect to r_y the second.
+        """
         w, change = channels.other, channels.evaluate_memory(other_slope)
-        # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
-        A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)
-        A = A + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
+        # w × (w × r) = w (w·r) - r (w·w)
+        outer, square = w[:, :, None] * w[:, None], np.sum(w**2, axis=1)[:, None, None]
+        # the columns of this matrix are dw/dt × the unit vectors
+        cross = np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
+        A = outer - square * np.eye(3) + cross
         design = np.zeros((len(w), 3, 6))
         design[:, 0, :3], design[:, 1, 3:] = A[:, 0], A[:, 1]
         return design

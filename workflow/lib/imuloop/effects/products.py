@@ -62,7 +62,7 @@ class Product(Effect):
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
-        # a factor without a power has the power one
+        # the sign of a power is at its place in `POWERS`; a factor without a sign has the power one
         factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
         if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
@@ -75,8 +75,9 @@ class Product(Effect):
         ``output`` stands for the SI unit of the sensor.
         """
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
-        units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
-        return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
+        units = [f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items()]
+        product = f"({' '.join(units)})" if len(units) > 1 else units[0]
+        return {f"c{self.axis}": f"output per {product}"}
 
     def design(self, channels):
         """Return the derivative of e with respect to c, the product on its axis, (n, 3, 1)."""
@@ -101,11 +102,11 @@ def products(sensor, letters, reference_temperature=None):
     given. Products that are part of bias, scale factor or misalignment are left out.
     """
     outputs, formulas = [f"{letter}_{axis}" for letter in letters for axis in AXES], []
+    # the sensor's own outputs of degree one are scale factor and misalignment
+    in_base = [(name,) for name in outputs[:3] if name[0] == OUTPUTS[sensor]]
     for degree in range(1, DEGREE + 1):
         combinations = combinations_with_replacement(outputs, degree)
-        # the sensor's own outputs of degree one are scale factor and misalignment
-        in_base = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
-        formulas += [factors for factors in combinations if factors[0] not in in_base]
+        formulas += [factors for factors in combinations if factors not in in_base]
         # the temperature alone is an effect with a known cause, `bias_temperature`
         if reference_temperature is not None and degree > 1:
             combinations = combinations_with_replacement(outputs, degree - 1)

@@ -57,7 +57,7 @@ class Steps(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to h, at n poses or samples, (n, 3, 3 k).
 
-        On each axis it is ``H(t - t_k) - 1``; at a pose, minus the share of the pose before step k.
+        On each axis it is ``H(t - t_k) - 1``: -1 before step k, else 0; at a pose the mean over it.
         """
         return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 
@@ -67,23 +67,21 @@ class Steps(Effect):
         On each axis it is the share of each window after step k, or zero for a step of another
         session. Takes the name of the session, and start and end of its windows, s, (n, 2).
         """
-        steps = zip(self.times, self.sessions, self.spans, strict=True)
-        return on_each_axis(
-            *(share_after(windows, t, span) * (name == session) for t, name, span in steps)
-        )
+        is_here = [name == session for name in self.sessions]
+        return on_each_axis(*(share_after(windows, self.times, self.spans) * is_here).T)
 
 
-def share_after(windows, t, span=0.0):
-    """Return the share of each window after a time t, (n,), or after k times, (n, k).
+def share_after(windows, times, spans=0.0):
+    """Return the share of each of n windows after each of k times, (n, k).
 
-    If a time is known only within a `span` of this length, s, the share is the mean over all times
-    in the span; this holds for windows that lie in the span or outside it. `windows` has start and
-    end of the windows, s, (n, 2), and `t` is the time or the times, s.
+    If a time is known only within a span, the share is the mean over all times in the span; this
+    holds for windows that lie in the span or outside it. Takes start and end of the windows, s,
+    (n, 2), the times, s, (k,), and the lengths of the spans about the times, s, (k,).
     """
-    start, end = windows.T
-    # a sample is a window of length zero
-    length = np.maximum(np.maximum(end - start, span), 1e-12)
-    return np.clip((np.subtract.outer((start + end) / 2, t).T / length + 0.5).T, 0, 1)
+    middle = windows.mean(axis=1, keepdims=True)
+    # the share rises linearly; a sample is a window of length zero
+    length = np.maximum(np.maximum(np.diff(windows, axis=1), spans), 1e-12)
+    return np.clip((middle - times) / length + 0.5, 0, 1)
 
 
 def joined(steps):

@@ -66,9 +66,11 @@ class TurnOnBias(Effect):
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
-        std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)
-        dof = self.runs - 1
-        return std, np.outer(np.sqrt(dof / chdtri(dof, [0.025, 0.975])), std)
+        biases = np.vstack([-others.sum(axis=0), others])
+        std, dof = biases.std(axis=0, ddof=1), self.runs - 1
+        # ratios of the ends of the interval to the estimate
+        ratios = np.sqrt(dof / chdtri(dof, [0.025, 0.975]))
+        return std, np.outer(ratios, std)
 
 
 def turn_on_std(calibration, sensor):

@@ -43,24 +43,20 @@ def estimates_of_calibrations(calibrations):
     The result is a list with one Estimates per parameter. The values are in nominal SI, by the
     nominal scale of the data sheet; a scale factor is relative to the nominal one, minus 1.
     """
+    # sensor, name and unit of each parameter without effects
     names, values, std = parameters(), [], []
+    is_scale = np.array([name[0] == "K" for _, name, _ in names], dtype=float)
     for calibration in calibrations:
-        # parameters without effects
         state, covariance = state_of(calibration, ())
         # the log told nothing about these parameters: they are the prior's, and do not count
         is_prior = [name in getattr(calibration, sensor).unimproved for sensor, name, _ in names]
-        values.append(state.x - [name[0] == "K" for _, name, _ in names])
+        values.append(state.x - is_scale)
         std.append(np.where(is_prior, 0.0, np.sqrt(np.diag(covariance))))
     values, std = (np.where(np.array(std) > 0, x, np.nan) for x in (values, std))
+    columns = zip(names, values.T, std.T, strict=True)
     return [
-        Estimates(
-            name=f"{sensor}.{name}",
-            unit=unit,
-            logarithmic=False,
-            values=values[:, i],
-            std=std[:, i],
-        )
-        for i, (sensor, name, unit) in enumerate(names)
+        Estimates(f"{sensor}.{name}", unit, logarithmic=False, values=y, std=error)
+        for (sensor, name, unit), y, error in columns
     ]
 
 
@@ -75,7 +71,8 @@ def estimates_of_noise(noises):
             for channel in channels:
                 pairs = [logarithm(getattr(noise.axes[channel], term)) for noise in noises]
                 values, std = np.transpose(pairs)
-                estimates.append(Estimates(f"{channel}.{term}", unit, True, values, std))
+                name = f"{channel}.{term}"
+                estimates.append(Estimates(name, unit, logarithmic=True, values=values, std=std))
     return estimates
 
 

@@ -74,17 +74,18 @@ def compare_devices(members):
     """
     all_estimates = estimates_of_calibrations([m.calibration for m in members])
     all_estimates += estimates_of_noise([m.noise for m in members])
-    # a test is the name of a parameter and the number of a device that determined it
     parameters, p_values, tests = {}, [], []
     for estimates in (e for e in all_estimates if e.has_value.sum() >= LEAST):
-        parameters[estimates.name], p = compare_parameter(estimates, members)
+        content, p = compare_parameter(estimates, members)
+        parameters[estimates.name] = content
         p_values += [*p]
-        tests += [(estimates.name, k) for k in range(len(p))]
-    odd = []
-    for (name, k), p in zip(tests, holm(p_values).tolist(), strict=True):
-        if p < SIGNIFICANCE:
-            device, deviation = (parameters[name][key][k] for key in ("devices", "deviations"))
-            odd.append({"device": device, "parameter": name, "deviation": deviation, "p_value": p})
+        devices = zip(content["devices"], content["deviations"], strict=True)
+        tests += [
+            {"device": device, "parameter": estimates.name, "deviation": deviation}
+            for device, deviation in devices
+        ]
+    adjusted = zip(tests, holm(p_values).tolist(), strict=True)
+    odd = [test | {"p_value": p} for test, p in adjusted if p < SIGNIFICANCE]
     return {
         "devices": [m.name for m in members],
         "tests": len(tests),
@@ -122,6 +123,7 @@ def compare_parameter(estimates, members):
         "mean_std": np.sqrt(model.mean_variance[0]),
         "spread": np.sqrt(model.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
+        # the usual error of a value by its own device
         "within": np.sqrt(np.mean(std**2)),
         "devices": [m.name for m, counts in zip(members, has_value, strict=True) if counts],
         "values": to_value(y),
@@ -148,24 +150,25 @@ def effects(members):
     for member in members:
         for effect, outcome in member.tried.items():
             outcomes.setdefault(effect, {})[member.name] = outcome
-    entries = []
-    for (sensor, record, name), by_device in outcomes.items():
-        if len(by_device) >= LEAST:
-            # a p-value of zero has no logarithm
-            p = np.sort([max(p, 1e-300) for p, _ in by_device.values()])
-            larger = p[(len(p) + 1) // 2 - 1 :]
-            combined = chdtrc(2 * len(larger), -2 * np.log(larger).sum())
-            entries.append(
-                {
-                    "sensor": sensor,
-                    "record": record,
-                    "name": name,
-                    "tried": len(p),
-                    "added": [device for device, (_, is_added) in by_device.items() if is_added],
-                    "p_value": float(combined),
-                }
-            )
-    adjusted = holm([entry["p_value"] for entry in entries]).tolist()
-    for entry, p in zip(entries, adjusted, strict=True):
-        entry["p_value"] = p
+    outcomes = {effect: o for effect, o in outcomes.items() if len(o) >= LEAST}
+    p_values = []
+    for by_device in outcomes.values():
+        # the n - u + 1 largest of n p-values test whether fewer than u = ⌈n/2⌉ devices have the
+        # effect; a p-value of zero has no logarithm
+        p = np.sort([max(p, 1e-300) for p, _ in by_device.values()])
+        larger = p[(len(p) + 1) // 2 - 1 :]
+        p_values.append(chdtrc(2 * len(larger), -2 * np.log(larger).sum()))
+    entries = [
+        {
+            "sensor": sensor,
+            "record": record,
+            "name": name,
+            "tried": len(by_device),
+            "added": [device for device, (_, is_added) in by_device.items() if is_added],
+            "p_value": p,
+        }
+        for ((sensor, record, name), by_device), p in zip(
+            outcomes.items(), holm(p_values).tolist(), strict=True
+        )
+    ]
     return sorted(entries, key=lambda entry: (entry["p_value"], -len(entry["added"])))

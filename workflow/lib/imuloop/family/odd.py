@@ -28,14 +28,14 @@ def deviations(y, squares):
     distance = distance / np.sqrt(np.maximum(robust, np.finfo(float).tiny))
     # a few far devices are left out of the spread: two odd devices would hide each other
     suspects = np.argsort(distance)[count - int(AT_MOST * count) :]
-    is_measure = np.ones(count, dtype=bool)
-    is_measure[suspects[distance[suspects] > FAR]] = False
-    # the deviation from one mean for all shows which devices are the farthest
-    deviation, p = fit(y, squares, counted=[is_measure]).deviation(y, squares)[0], np.ones(count)
+    is_usual = np.ones(count, dtype=bool)
+    is_usual[suspects[distance[suspects] > FAR]] = False
+    # the deviation from the mean of all usual devices shows which devices are the farthest
+    deviation, _ = fit(y, squares, counted=[is_usual]).deviation(y, squares)
     farthest = np.argsort(-np.abs(deviation))[:TRIED]
-    # each of them is compared with a fit of the others
-    others = np.repeat(is_measure[None], len(farthest), axis=0)
+    # each of these is compared with its own fit of the other usual devices, and tested
+    others = np.repeat(is_usual[None], len(farthest), axis=0)
     others[np.arange(len(farthest)), farthest] = False
-    models = fit(y, squares, counted=others)
+    models, p = fit(y, squares, counted=others), np.ones(count)
     deviation[farthest], p[farthest] = models.deviation(y[farthest], squares[farthest])
     return deviation, p

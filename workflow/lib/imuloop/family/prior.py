@@ -48,7 +48,7 @@ def read_prior(sheet, file, device, sessions, type=None):
             prior = _of_family(sheet, _content_on_type(content, type), device, str(file))
         elif isinstance(content, dict) and "accelerometer" in content:
             calibration = Calibration.from_json(file)
-            _refuse_other_logs(calibration, sessions)
+            _refuse_same_logs(calibration, sessions)
             prior = of_calibration(sheet, calibration, str(file))
         else:
             raise ImuloopError("neither a calibration.json nor a family.json")
@@ -77,22 +77,23 @@ def of_calibration(prior, calibration, source):
         if not estimated.any():
             continue
         mean, covariance = (values.copy() for values in prior.of(sensor))
-        # the biases are the last three parameters
+        # the biases, the last three parameters, also scatter between power cycles
         scatter = np.append(np.zeros(len(names) - 3), np.square(turn_on_std(earlier, sensor)))
         mean[estimated] = state.x[part][estimated]
         block = np.ix_(estimated, estimated)
         covariance[block] = (state_covariance[part, part] + np.diag(scatter))[block]
-        size = np.sqrt(np.diag(covariance))
-        if not size.all() or np.linalg.eigvalsh(covariance / np.outer(size, size))[0] < _SMALLEST:
+        std = np.sqrt(np.diag(covariance))
+        if not std.all() or np.linalg.eigvalsh(covariance / np.outer(std, std))[0] < _SMALLEST:
             raise ImuloopError(f"{sensor}: the covariance is singular")
         prior = prior.with_sensor(sensor, source, mean, covariance)
     return prior
 
 
-def _refuse_other_logs(calibration, sessions):
-    """Raise an ImuloopError if a calibration is from the given logs, or has other axes than they.
+def _refuse_same_logs(calibration, sessions):
+    """Raise an ImuloopError if a calibration is from the given logs, or has other axes than these.
 
-    The calibration and the sessions may share a static log, because only its noise is used.
+    A log that the calibration comes from would count twice, as prior and as data. The calibration
+    and the sessions may share a static log, because only its noise is used.
     `sessions` has the ``kind``, and path of ``samples``, of each session that is calibrated, by
     name.
     """
@@ -150,7 +151,8 @@ def _of_family(prior, content, device, source):
                 # the family has scale factors minus 1
                 mean[k] = model.mean[0] + (name[0] == "K")
                 variance_of_t = model.dof[0] / (model.dof[0] - 2)
-                covariance[k, k] = (model.variance[0] + model.mean_variance[0]) * variance_of_t
+                variance_of_new_device = model.variance[0] + model.mean_variance[0]
+                covariance[k, k] = variance_of_new_device * variance_of_t
         if has_values:
             prior = prior.with_sensor(sensor, source, mean, covariance)
     if set(prior.sources.values()) == {DATA_SHEET}:

@@ -68,18 +68,20 @@ def fit(y, squares, counted=None):
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)
-    # start of τ²: the variance of the values
+    # start of τ² in each model: the variance of the values
     size = np.maximum(np.array([y[devices].var() for devices in counted]), np.finfo(float).tiny)
     variance = size.copy()
     for step in range(_STEPS):
         w = counted / (variance[:, None] + squares)
-        # sums of w, w² and w³; from them tr P, and tr P P, twice the Fisher information
+        # Σw, Σw² and Σw³, from which tr P and tr P P follow
         total, second, third = ((w**k).sum(axis=1) for k in (1, 2, 3))
         mean = w @ y / total
-        residual = y - mean[:, None]
+        # P y is the weighted residual
+        square = ((w * (y - mean[:, None])) ** 2).sum(axis=1)
         trace = total - second / total
+        # tr P P is twice the Fisher information, and the score has the same factor ½
         information = second - 2 * third / total + (second / total) ** 2
-        change = (((w * residual) ** 2).sum(axis=1) - trace) / information
+        change = (square - trace) / information
         # smaller steps if the search oscillates
         new = np.maximum(variance + change * (1.0 if step < 50 else 0.5), 0.0)
         if (np.abs(new - variance) <= _CLOSE * size).all():
@@ -99,11 +101,11 @@ def spread_interval(y, squares):
 
     τ is the standard deviation between devices, ``y_i ~ N(μ, τ² + s_i²)``. With the weighted mean
     μ, ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)`` is χ² with n - 1 degrees of freedom at the true τ, and
-    falls with τ. Takes the values y and their variances s², (n,) each.
+    falls with τ. An end of the interval is the τ at which Q is a quantile of χ². Takes the values y
+    and their variances s², (n,) each.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
-
-    # the sum of squares of y about the mean; `least` is a variance that is zero but for rounding
+    # the sum of squares of y about the mean, and a variance that is zero but for rounding
     total = len(y) * y.var() + np.finfo(float).tiny
     least = np.finfo(float).eps * total
 
@@ -117,7 +119,7 @@ def spread_interval(y, squares):
         quantile = 2 * gammaincinv((len(y) - 1) / 2, level)
         if excess(least, quantile) <= 0:
             return 0.0
-        # Q is at most total/τ²
+        # Q(τ²) is at most total/τ², so it is below the quantile from total/quantile on
         return brentq(excess, least, total / quantile + 2 * least, args=(quantile,), xtol=least)
 
     return tuple(float(np.sqrt(crossing(level))) for level in _ENDS)

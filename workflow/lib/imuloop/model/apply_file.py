@@ -79,6 +79,7 @@ def apply_file(calibration, source, target, shift=0.0):
         if target.suffix == ".csv":
             _write_text(temporary, _mark_calibrated(table))
         else:
+            # the mark in the project's own entry of the metadata, and in the one that pandas reads
             marks = {METADATA_KEY: json.dumps(attrs[METADATA_KEY.decode()])}
             marked = table.replace_schema_metadata(marks | {ATTRS_KEY: json.dumps(attrs)})
             pq.write_table(marked, temporary, compression="zstd")

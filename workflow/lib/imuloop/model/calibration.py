@@ -45,14 +45,15 @@ OF_ONE_LOG = (
 
 
 def _digits(value, std):
-    """Return a value and its standard error as a pair of texts, with two digits of the error.
+    """Return a value and its standard error as texts, both rounded to two digits of the error.
 
     If there is no error, `std` zero or nan, the value has six digits.
     """
     if not std > 0:
         return f"{value:.6g}", "—"
-    exponent = [int(np.floor(np.log10(size))) for size in (abs(value) or std, std)]
-    digits = max(exponent[0] - exponent[1], 0) + 2
+    # number of digits of the value before the first digit of the error
+    exponents = [int(np.floor(np.log10(size))) for size in (abs(value) or std, std)]
+    digits = max(exponents[0] - exponents[1], 0) + 2
     return f"{value:#.{digits}g}".rstrip("."), f"{std:#.2g}".rstrip(".")
 
 
@@ -271,17 +272,17 @@ class Calibration:
             samples at which it was clamped to the range of the data that it was fitted to.
         """
 
-        def apply_sensor(k, sensor, values, other):
-            """Return calibrated values of sensor k; `other` are the values of the other sensor."""
+        def apply_sensor(sensor, values, other, clamped):
+            """Return calibrated values of a sensor; `other` are the values of the other sensor."""
             output = sensor.output(values)
-            channels = Channels(t, output, other, temperature, clamped=clamped[k])
+            channels = Channels(t, output, other, temperature, clamped=clamped)
             return sensor.apply(values, channels)
 
         finite = all(np.isfinite(values).all() for values in (f, w, t))
         # values that overflow are refused below
         with np.errstate(over="ignore", invalid="ignore"):
-            f = apply_sensor(0, self.accelerometer, f, self.gyroscope.aligned(w))
-            w = apply_sensor(1, self.gyroscope, w, f)
+            f = apply_sensor(self.accelerometer, f, self.gyroscope.aligned(w), clamped[0])
+            w = apply_sensor(self.gyroscope, w, f, clamped[1])
         for sensor, values in zip(SENSORS, (f, w), strict=True):
             wrong = ~np.isfinite(values).all(axis=1)
             if finite and wrong.any():

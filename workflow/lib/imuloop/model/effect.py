@@ -238,11 +238,13 @@ def effect_design(effects, channels, values=()):
     may be only the first of the p parameters; the others are zero.
     """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-    x, ranges = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
-    designs = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, ranges, strict=True)]
-    empty = np.zeros((len(channels.t), 3, 0))
+    x = np.pad(np.asarray(values, dtype=float), (0, ends[-1] - len(values)))
+    ranges = zip(effects, pairwise(ends), strict=True)
+    designs = [effect.design_at(channels, x[i:j]) for effect, (i, j) in ranges]
     # one derivative alone is not copied: a search asks for those of hundreds of effects, one by one
-    return designs[0] if len(designs) == 1 else np.concatenate([empty, *designs], axis=2)
+    if len(designs) == 1:
+        return designs[0]
+    return np.concatenate([np.zeros((len(channels.t), 3, 0)), *designs], axis=2)
 
 
 @dataclass(frozen=True)
@@ -269,10 +271,10 @@ class FittedEffect:
     def output(self, channels):
         """Return e, which the effect adds to the sensor's output, SI, (n, 3).
 
-        e is the design, the derivative of e with respect to the p parameters, (n, 3, p), at the n
-        points of the Channels, times the parameters. The derivative with respect to each parameter
-        is clamped to its range in the data that the effect was fitted to. `channels.clamped` gets a
-        mask, (n,), of the points with a clamped derivative, under the name of the effect.
+        e is the derivative D of e with respect to the p parameters, (n, 3, p), at the n points of
+        the Channels, times the parameters. D is clamped to its range in the data that the effect
+        was fitted to, parameter by parameter. `channels.clamped` gets a mask, (n,), of the points
+        with a clamped derivative, under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:

@@ -61,10 +61,11 @@ class Prior:
         `places` is the slice of their indices in x. In the result they are independent of all other
         parameters.
         """
-        prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
-        prior.mean[places], prior.covariance[places], prior.covariance[:, places] = mean, 0.0, 0.0
-        prior.covariance[places, places] = covariance
-        return prior
+        new_mean, new_covariance = self.mean.copy(), self.covariance.copy()
+        new_mean[places] = mean
+        new_covariance[places] = new_covariance[:, places] = 0.0
+        new_covariance[places, places] = covariance
+        return replace(self, mean=new_mean, covariance=new_covariance)
 
     def widened(self, x):
         """Return the Prior with larger standard deviations of parameters that contradict it.
@@ -83,9 +84,10 @@ class Prior:
         The components of this difference are independent, so ``Rᵀ R`` is the inverse of the
         covariance. A fit adds ``|R x - z|²`` to its sum of squares.
         """
-        size = self.std
-        root = np.linalg.cholesky(self.covariance / np.outer(size, size))
-        rows = np.linalg.inv(root) / size
+        # the root of the correlations is accurate whatever the units of the parameters
+        std = self.std
+        root = np.linalg.cholesky(self.covariance / np.outer(std, std))
+        rows = np.linalg.inv(root) / std
         return rows, rows @ self.mean
 
 

@@ -28,6 +28,7 @@ def remarks(sensor, calibration):
         listed = joined([f"{_words([name])} ({size:.1f} σ)" for name, size in far.items()])
         causes = " ".join(CAUSES[letter] for letter in dict.fromkeys(name[0] for name in far))
         sentences.append(f"Far from the data sheet: {listed}; {causes}")
+    # a gyroscope that only rested has its reason already
     if calibration.names and calibration.method != "static" and calibration.unimproved:
         sentences.append(advice_on_unimproved(sensor, calibration.unimproved))
     return sentences
@@ -53,11 +54,15 @@ def advice_on_unimproved(sensor, names):
             f"Too few poses: {subject}. Add poses until each axis was up, down and halfway between "
             "each other axis: twelve or more in all."
         )
+    # a misalignment needs poses between two axes, a scale factor or a bias the axis up and down
     between = [f"{AXES[int(n[1])]} and {AXES[int(n[2])]}" for n in names if n[0] == "T"]
     upright = sorted({AXES[int(n[1])] for n in names if n[0] != "T"})
-    sentences = [f"No pose lies between {joined(between)}"] * bool(between)
-    sentences += [f"No two poses have {joined(upright)} up and down"] * bool(upright)
-    return f"{'; '.join(sentences)}: {subject}. Add two poses there."
+    causes = []
+    if between:
+        causes.append(f"No pose lies between {joined(between)}")
+    if upright:
+        causes.append(f"No two poses have {joined(upright)} up and down")
+    return f"{'; '.join(causes)}: {subject}. Add two poses there."
 
 
 def _words(names):

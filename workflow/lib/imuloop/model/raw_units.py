@@ -32,16 +32,18 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
         Other fields of the SensorCalibration.
     """
     names, T, fitted = NAMES[sensor], np.eye(3), []
-    elements, K, b, _ = np.split(x, np.cumsum([len(names) - 6, 3, 3]))
+    # K and b are the last six parameters without effects
+    elements, K, b, of_effects = np.split(x, np.cumsum([len(names) - 6, 3, 3]))
     T[ENTRIES[sensor]] = elements
-    std = np.sqrt(np.diag(covariance))
+    errors = np.sqrt(np.diag(covariance))[len(names) :]
     for effect in effects:
-        index = slice(len(names), len(names) + len(effect.parameters))
-        values, errors = (
-            dict(zip(effect.parameters, numbers[index].tolist(), strict=True))
-            for numbers in (x, std)
+        n = len(effect.parameters)
+        values, std = (
+            dict(zip(effect.parameters, numbers[:n].tolist(), strict=True))
+            for numbers in (of_effects, errors)
         )
-        fitted.append(FittedEffect(effect, values=values, std=errors))
+        of_effects, errors = of_effects[n:], errors[n:]
+        fitted.append(FittedEffect(effect, values=values, std=std))
         names += tuple(f"{effect.name}.{p}" for p in effect.parameters)
     factor = si_factor(names, unit)
     return SensorCalibration(
@@ -103,15 +105,19 @@ def state_of(calibration, effects=None):
     effects = tuple(fitted if effects is None else effects)
     by_sensor = [in_nominal_si(name, sensor) for name, sensor in sensors.items()]
     state = State(np.concatenate([*by_sensor, *(fitted[e].vector for e in effects)]), effects)
+    index = {name: k for k, name in enumerate(state.names)}
+    covariance = np.zeros((len(index),) * 2)
     # effects from another record than the other parameters have standard errors only
-    std = {f"{e.sensor}.{e.name}.{name}": s for e in effects for name, s in fitted[e].std.items()}
-    covariance = np.diag([std.get(name, 0.0) ** 2 for name in state.names])
+    for effect in effects:
+        for name, std in fitted[effect].std.items():
+            k = index[f"{effect.sensor}.{effect.name}.{name}"]
+            covariance[k, k] = std**2
     for sensor, calibrated in sensors.items():
+        # rows of the sensor's covariance that are parameters of the state, and their indices there
         names = [f"{sensor}.{name}" for name in calibrated.names]
-        # parameters of the state that the calibration has a covariance of, and their rows there
-        places = [k for k, name in enumerate(state.names) if name in names]
-        if places:
-            rows = [names.index(state.names[k]) for k in places]
+        rows = [row for row, name in enumerate(names) if name in index]
+        if rows:
+            places = [index[names[row]] for row in rows]
             factor = si_factor(calibrated.names, calibrated.raw_unit)
             block = calibrated.covariance * np.outer(factor, factor)
             covariance[np.ix_(places, places)] = block[np.ix_(rows, rows)]

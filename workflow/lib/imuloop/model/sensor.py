@@ -65,7 +65,9 @@ class Sensor:
     def jacobian(self, A, y, D):
         """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
 
-        The derivative is with respect to the parameters of the sensor; A x has `a` components.
+        The derivative is with respect to the parameters of the sensor; A x has `a` components. With
+        c = K (y - b) - e, x = T c has the derivatives c_j with respect to T_ij on axis i,
+        T_ij (y - b)_j with respect to K_j on axis i, and -T diag(K) with respect to b.
 
         Parameters
         ----------
@@ -82,14 +84,15 @@ class Sensor:
             Derivative with respect to the off-diagonal elements of T, K, b and p, in this order.
         """
         m, k, a, _ = A.shape
-        # sums over samples of products of A with values, as products of matrices; the axes are:
-        # group, row of A, column of A, axis of the values
         flat = A.reshape(m, k, 3 * a).swapaxes(1, 2)
-        by_corrected, by_raw = (
-            (flat @ values).reshape(m, a, 3, 3) for values in (self.corrected(y, D), y - self.b)
-        )
-        by_T = by_corrected[:, :, *self.entries]
-        by_K = np.einsum("maij,ij->maj", by_raw, self.T)
+
+        def sum_products(values):
+            """Return sums over samples of A_ri v_j, (m, a, 3, 3), with the values v, (m, k, 3)."""
+            return (flat @ values).reshape(m, a, 3, 3)
+
+        # the axes are: group m, row r of A, column i of A, axis j of the values
+        by_T = sum_products(self.corrected(y, D))[:, :, *self.entries]
+        by_K = np.einsum("mrij,ij->mrj", sum_products(y - self.b), self.T)
         by_b = -A.sum(axis=1) @ self.gain
         return np.concatenate([by_T, by_K, by_b, self.effect_jacobian(A, D)], axis=2)
 
@@ -97,10 +100,10 @@ class Sensor:
         """Return the derivative of the sums of ``A x`` with respect to p alone, (m, a, q).
 
         The sums are over the k samples of each of m groups. Takes the matrices A, (m, k, a, 3),
-        that multiply the calibrated values x, and the derivative D of e with respect to p,
-        (m, k, 3, q).
+        that multiply the calibrated values x, and the derivative D of e with respect to p, (m, k,
+        3, q). As x = T (… - e), the result is the sum of -A T D.
         """
         m, k, a, _ = A.shape
-        # one product of matrices instead of one per sample
-        on_sensor_axes = np.tensordot(A, self.T, 1).swapaxes(1, 2).reshape(m, a, 3 * k)
-        return -on_sensor_axes @ D.reshape(m, 3 * k, D.shape[-1])
+        # samples and axes become one dimension: one product of matrices instead of one per sample
+        AT = np.tensordot(A, self.T, 1).swapaxes(1, 2).reshape(m, a, 3 * k)
+        return -AT @ D.reshape(m, 3 * k, D.shape[-1])

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from imuloop.core.samples import sums_over
+from imuloop.core.stretches import lengths
 
 # prior standard deviation of scale factor and misalignment, 1, and of bias, share of gravity
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
@@ -20,24 +21,24 @@ _MOMENTS[:3, :3] += 1 / 15
 
 
 def expected_error(f):
-    """Return the error in other attitudes of an accelerometer that is calibrated with these poses.
+    """Return the expected error of an accelerometer that is calibrated with n attitudes, a float.
 
-    The error is a share of gravity, root mean square over all directions. It is infinite without
-    poses. Takes the mean specific force of each attitude, m/s², (n, 3).
+    The error is a share of gravity, root mean square over all directions of gravity. It is infinite
+    without attitudes. Takes the mean specific force f of each attitude, m/s², (n, 3).
 
     Let u be the mean specific force in units of its median norm. The model of an accelerometer at
     rest is an ellipsoid that is linear in nine coefficients β, the elements of B and c:
 
         y = (|u|² − 1)/2 = uᵀ B u + cᵀ u = x(u)ᵀ β,      B symmetric.
 
-    y is the relative error of the norm, to first order. If the errors are independent with the
-    standard deviation σ, and B and c have a Gaussian prior of standard deviation 0.05 and 0.1, the
-    covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹. X has the rows x(u) of the poses, and P is the
-    covariance of the prior. The result is the root of the mean of xᵀ C x over all directions.
+    y is the relative error of the norm, to first order, of variance σ². The prior of β is Gaussian
+    with the covariance P, so the covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹, where X has the rows x(u)
+    of the attitudes. The result is the root of the mean of xᵀ C x over all directions.
 
-    σ² is its upper 95 % limit by the sum S of the squared residuals, which has n − tr H degrees of
-    freedom with the hat matrix H: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). So more poses reduce C,
-    worse poses increase σ, and a small residual of few poses does not count.
+    σ² is its upper 95 % limit by the sum S of the squared residuals, (S + ε²) / χ²(0.05; ν + 1).
+    ν = n − tr H are its degrees of freedom. H is the hat matrix of a fit with the prior and with
+    σ = ε; ε is `POSE_NORM`, a prior of σ with the weight of one attitude. So more attitudes reduce
+    C, worse ones increase σ, and a small residual of few attitudes does not count.
 
     References
     ----------
@@ -54,28 +55,30 @@ def expected_error(f):
     # in units of the prior's standard deviations, so that P is the unit matrix
     design = np.hstack([quadratic, u]) * _PRIOR
     error = (np.sum(u * u, axis=1) - 1) / 2
+    # H is the design times `solver`, and has the trace of `solver` times the design
     normal = design.T @ design
-    # H y and tr H are computed without H, which has a row and a column per attitude
-    solution = np.linalg.solve(
-        normal + POSE_NORM**2 * np.eye(9), np.column_stack([design.T @ error, normal])
-    )
-    residual = np.sum((error - design @ solution[:, 0]) ** 2) + POSE_NORM**2
-    variance = residual / chdtri(len(f) - np.trace(solution[:, 1:]) + 1, 0.95)
+    solver = np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
+    residual = error - design @ (solver @ error)
+    freedom = len(f) - np.trace(solver @ design)
+    variance = (residual @ residual + POSE_NORM**2) / chdtri(freedom + 1, 0.95)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
+    # the mean of xᵀ C x follows from the mean of x xᵀ, with C in units of the prior
     return float(np.sqrt(_PRIOR @ (covariance * _MOMENTS) @ _PRIOR))
 
 
 def attitudes(force, rests):
-    """Return the mean specific force of each attitude, m/s², (k, 3).
+    """Return the mean specific force of each of k attitudes, m/s², (k, 3).
 
-    Consecutive rests whose directions differ by less than `SAME_ATTITUDE` are one attitude. Takes
+    Consecutive rests whose directions differ by at most `SAME_ATTITUDE` are one attitude. Takes the
     specific force, m/s², (3, n), and the ranges of samples of the m rests, (m, 2), half-open.
     """
     if not len(rests):
         return np.empty((0, 3))
     sums = sums_over(force.T, rests)
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
-    angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
-    group = np.concatenate([[0], np.cumsum(angle > SAME_ATTITUDE)])
-    samples = np.bincount(group, np.diff(rests, axis=1).ravel())
-    return np.column_stack([np.bincount(group, x) for x in sums.T]) / samples[:, None]
+    # two unit vectors with the angle θ are 2 sin(θ/2) apart
+    apart = np.linalg.norm(np.diff(u, axis=0), axis=1) > 2 * np.sin(SAME_ATTITUDE / 2)
+    # index of the attitude of each rest, and sums over the rests of each attitude
+    attitude = np.append(0, np.cumsum(apart))
+    samples = np.bincount(attitude, lengths(rests))
+    return np.column_stack([np.bincount(attitude, x) for x in sums.T]) / samples[:, None]

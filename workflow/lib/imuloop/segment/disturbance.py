@@ -30,11 +30,11 @@ ROUNDS = 10
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """Return the covariance of vectors of mean zero, (k, k), without the effect of outliers.
 
-    The first covariance is the same in all directions of a sensor. The next one is estimated from
-    the vectors within the 97.5 % quantile by the one before. Its scale follows from the median of
-    the squared distance, which is χ² with k degrees of freedom. If the tails are heavier than
-    normal, the 99 % quantile sets the scale, up to `tail_limit` times. The result does not depend
-    on the axes of a sensor.
+    A first covariance, the same in all directions of a sensor, follows from the median size of the
+    vectors. By it the vectors near zero are chosen: those whose squared Mahalanobis distance is
+    below the 97.5 % quantile of χ². Their second moments give the next covariance, and so on. If
+    the tails are heavier than normal, the 99 % quantile of the distance sets the scale at the end,
+    up to `tail_limit` times. The result does not depend on the axes of a sensor.
 
     Parameters
     ----------
@@ -54,12 +54,13 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     covariance = np.diag(np.repeat(np.median(sizes, axis=0), 3) + floor)
     # 97.5 % quantile and median of χ²
     cut, middle = chdtri(k, 0.025), chdtri(k, 0.5)
+    # vectors within the quantile have a smaller second moment than all normal vectors
+    correction = 0.975 / chdtr(k + 2, cut)
     for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
-        near = x.T.compress(distance <= cut / middle * np.median(distance), axis=1)
-        # the last factor is the second moment of all vectors over the second moment of the near
-        # ones
-        covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut) + np.diag(floor)
+        # the median sets the scale of the distances, so that a wrong scale does not matter
+        near = x.T.compress(distance <= cut * np.median(distance) / middle, axis=1)
+        covariance = near @ near.T / near.shape[1] * correction + np.diag(floor)
     tail = np.quantile(squared_distance(x, covariance), TAIL) / chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
 
@@ -69,11 +70,11 @@ def squared_distance(x, covariance):
 
     Takes the vectors, (n, k), and their covariance, (k, k).
     """
-    scale = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.diag(covariance))
     # the ridge keeps the matrix positive definite if a channel copies another
-    correlation = covariance / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-    y = np.linalg.inv(np.linalg.cholesky(correlation)) / scale @ x.T
-    return np.einsum("ij,ij->j", y, y)
+    correlation = covariance / np.outer(std, std) + _RIDGE * np.eye(len(std))
+    whitened = np.linalg.inv(np.linalg.cholesky(correlation)) / std @ x.T
+    return np.einsum("ij,ij->j", whitened, whitened)
 
 
 def squared_distance_limit(probability, k, m):
@@ -91,17 +92,17 @@ def squared_distance_limit(probability, k, m):
 def undisturbed_ranges(x, ranges, step, settings):
     """Return the parts of ranges of samples without a disturbance, (k, 2).
 
-    A second difference is the mean over `half` samples, less the means over as many samples before
-    and after; a linear drift does not change it. There is a scale for each `half`, up to
-    `longest_scale_s`. The second differences of a scale, of all channels, are compared with their
-    own robust covariance. So flicker, random walk and drift of any length only increase the
-    covariance of the scales on which they act.
+    A second difference is the sum over `half` samples, minus twice the sum over the next `half`
+    samples, plus the sum over the `half` samples after these; a linear drift does not change it.
+    There is a scale for each `half`, up to `longest_scale_s`. The second differences of a scale, of
+    all channels, are compared with their own robust covariance. So flicker, random walk and drift
+    of any length only increase the covariance of the scales on which they act.
 
     A second difference is a disturbance if its squared distance occurs in Gaussian noise with a
     probability below `false_alarm` over the number of samples. All scales together have 1.3 second
     differences per sample (Bonferroni, which holds for any correlation). Sensors at rest give
-    single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million), so a mean
-    of fewer than four samples needs twice the amplitude.
+    single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million), so sums of
+    fewer than `LONE` samples need an amplitude `LONE_FACTOR` times as large.
 
     If several scales show a disturbance, the finest determines the cut. A wide disturbance is cut
     at the edge where the level changes more. The search is then repeated on the remaining ranges,
@@ -140,8 +141,8 @@ def undisturbed_ranges(x, ranges, step, settings):
 def _find_cuts(x, ranges, floor, step, settings):
     """Return the ranges of samples to cut, (k, 2), from one round of the search for disturbances.
 
-    A disturbance is a second difference of means of the channels that is too large for noise. The
-    search goes from fine scales to coarse ones.
+    A disturbance is a second difference of sums of the channels that is too large for noise. The
+    search goes from sums over two samples to longer ones.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
     # in each range, sums over `half` samples, which start `apart` samples apart
-    sums = [_double_sums(x[:, i:j], 1, 2) for i, j in ranges]
+    sums = [_double_sums(x[:, i:j], lag=1, thin=2) for i, j in ranges]
     while half * step <= settings.longest_scale_s:
         # number of second differences without overlap
         separate = int((lengths(ranges) // (3 * half)).sum())
@@ -166,29 +167,37 @@ def _find_cuts(x, ranges, floor, step, settings):
             break
         apart = min(half, SPACING)
         lag = half // apart
+        # by white noise, before - 2 during + after has the variance of 1 + 4 + 1 sums of `half`
+        # samples: the division makes it the same at every scale
         differences = [
             (s[:, : -2 * lag] - 2 * s[:, lag:-lag] + s[:, 2 * lag :]) / np.sqrt(6 * half)
             for s in sums
         ]
+        # some of them determine the covariance
         every = sum(d.shape[1] for d in differences) // MOST + 1
         sample = np.hstack([d[:, ::every] for d in differences]).T
         covariance = robust_covariance(sample, floor)
         bound = squared_distance_limit(settings.false_alarm / n, 6, min(separate, len(sample)))
+        # sums of few samples show single outliers of the sensor
         bound *= LONE_FACTOR**2 if half < LONE else 1.0
         for start, s, d in zip(ranges[:, 0], sums, differences, strict=True):
             first, marks = _find_large(s, d, half, covariance, bound, guard)
-            # only second differences whose samples contain no cut of a finer scale
-            k = np.searchsorted(cuts[:, 1], start + first, side="right")
-            free = start + first + 3 * half <= np.append(cuts[:, 0], n)[k]
-            if free.any():
-                cuts = merged(np.concatenate([cuts, start + marks[free]]))
+            # a second difference whose samples a finer scale has cut in part shows this cut again
+            next_cut = np.searchsorted(cuts[:, 1], start + first, side="right")
+            is_new = start + first + 3 * half <= np.append(cuts[:, 0], n)[next_cut]
+            if is_new.any():
+                cuts = merged(np.concatenate([cuts, start + marks[is_new]]))
         half *= 2
-        sums = [_double_sums(s, lag, 2 if half <= SPACING else 1) for s in sums]
+        # sums over twice as many samples; they start twice as far apart, up to the spacing
+        sums = [_double_sums(s, lag, thin=2 if half <= SPACING else 1) for s in sums]
     return np.clip(cuts, 0, n)
 
 
 def _find_large(sums, differences, half, covariance, bound, guard):
     """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
+
+    All samples of a short second difference are cut. A long one is cut only at the edge where the
+    level changes more, before or after the samples in the middle.
 
     Parameters
     ----------
@@ -208,17 +217,18 @@ def _find_large(sums, differences, half, covariance, bound, guard):
     """
     distance, spacing = squared_distance(differences.T, covariance), min(half, SPACING)
     large, lag = distance > bound, half // spacing
-    # all samples of a short second difference are cut
+    # a second difference is short if it is no longer than the guard, or than the spacing
     if 3 * half <= max(guard, SPACING):
         first = spacing * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]
-    # of overlapping second differences the largest is cut, at that of its two edges where the level
-    # changes more
+    # of overlapping second differences only the largest counts
     index = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
     before, during, after = (sums[:, index + k * lag] for k in range(3))
-    first_change = squared_distance((during - before).T, covariance)
-    is_second = squared_distance((after - during).T, covariance) > first_change
-    edge, margin = spacing * index + half * (1 + is_second), half // 4 + guard
+    first_change, second_change = (
+        squared_distance(change.T, covariance) for change in (during - before, after - during)
+    )
+    edge = spacing * index + np.where(second_change > first_change, 2 * half, half)
+    margin = half // 4 + guard
     return spacing * index, edge[:, None] + [-margin, margin]
 
 

@@ -51,6 +51,7 @@ def number_poses(rows, rests, table, stretches):
     # without specific force, attitudes cannot be distinguished
     if not force.any():
         return numbers
+    # standard errors of the mean specific force, and index of the stretch that each rest lies in
     spread = table[[f"{name}_std" for name in ACCELERATION]].to_numpy()
     errors = np.linalg.norm(spread, axis=1) / np.sqrt(lengths(rests))
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")
@@ -59,13 +60,13 @@ def number_poses(rows, rests, table, stretches):
     for k in range(1, len(rests)):
         a, b = force[first], force[k]
         angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
-        noise = np.hypot(errors[first], errors[k]) / np.linalg.norm(b)
-        same = stretch[k] == stretch[k - 1] and angle <= max(SAME_ATTITUDE, 4 * noise)
+        angle_error = np.hypot(errors[first], errors[k]) / np.linalg.norm(b)
+        same = stretch[k] == stretch[k - 1] and angle <= max(SAME_ATTITUDE, 4 * angle_error)
         if same:
             # from the last sample of the rest before to the first of this one
             start, end = rests[k - 1, 1] - 1, rests[k, 0] + 1
             bias = (rate[k - 1] + rate[k]) / 2
             same = not _has_turned(rows, start, end, bias)
-        numbers[k] = numbers[k - 1] + (not same)
+        numbers[k] = numbers[k - 1] if same else numbers[k - 1] + 1
         first = first if same else k
     return numbers

@@ -14,6 +14,7 @@ from imuloop.core.samples import (
     at_rail,
     holds,
     own_rows,
+    sums_over,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
@@ -86,9 +87,9 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         ``shorter`` settings that were used instead, or None.
     """
     rows = Samples(samples)
+    # ranges of samples between long gaps, and the same without the spans that are stuck
     whole, step = unbroken(rows)
-    # `whole` are the ranges between long gaps, `stretches` without the spans that are stuck
-    t, stuck_rows = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
+    stuck_rows = np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
     stretches = without(whole, merged(stuck_rows + np.array([0, 1])))
     # a log without specific force has no attitudes: rests are ranges without a disturbance
     has_force = holds(rows, "accelerometer")
@@ -114,60 +115,72 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
-        railed = _at_rail(rows, rests, rails)
+        clipped = at_rail(rows, rails, ACCELERATION).astype(float)
+        railed = sums_over(clipped, rests) / lengths(rests) > LEAST_RAILED
         metadata["railed_rests"] = int(railed.sum())
-
-    edges = np.union1d(np.concatenate([whole, stretches]), rests)
-    # the segments lie between neighbouring edges
-    kinds = np.full(len(edges[1:]), MOTION if has_motion else DISTURBED, object)
-    kinds[np.searchsorted(edges, rests[:, 0])] = np.where(railed, DISTURBED, STATIC)
-    kinds[np.searchsorted(edges, without(whole, merged(stretches))[:, 0])] = GAP
-    rests, tilt = rests[~railed], tilt[~railed]
-    # a stretch ends one step after its last sample
-    first, last = edges[:-1], np.isin(edges[1:], whole[:, 1])
-    end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
-    # a gap is a segment without samples, from the end of a stretch to the start of the next
-    gaps = np.flatnonzero(last[:-1]) + 1
-    start, end = np.insert(t[first], gaps, end[gaps - 1]), np.insert(end, gaps, t[first[gaps]])
-    kinds = np.insert(kinds, gaps, GAP)
-
-    table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
-    is_rest = kinds == STATIC
+    kinds = np.where(railed, DISTURBED, STATIC).astype(object)
+    others = MOTION if has_motion else DISTURBED
+    table = _divide(rows, step, whole, stretches, rests, kinds, others)
+    is_rest, rests = table["kind"] == STATIC, rests[~railed]
     poses = number_poses(rows, rests, table[is_rest], stretches)
     table.loc[is_rest, "pose"] = poses
-    table.loc[is_rest, "tilt_rad"] = tilt
+    table.loc[is_rest, "tilt_rad"] = tilt[~railed]
     return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
+
+
+def _divide(rows, step, whole, stretches, rests, kinds, others):
+    """Return the table of the segments into which rests divide a session, a DataFrame.
+
+    Parameters
+    ----------
+    rows, step : Samples, float
+        The samples of the session, and the median time step, s.
+    whole, stretches : ndarray of int, shape (k, 2), (l, 2)
+        Ranges of samples between long gaps, and the same without the spans in which a channel is
+        stuck, which are gaps, too.
+    rests, kinds : ndarray, shape (m, 2), (m,)
+        Ranges of samples of the rests, which lie within the stretches, and the kind of each.
+    others : str
+        Kind of the segments between the rests.
+    """
+    t = rows[TIME]
+    # the segments lie between neighbouring edges
+    edges = np.union1d(np.concatenate([whole, stretches]), rests)
+    kind = np.full(len(edges[1:]), others, object)
+    kind[np.searchsorted(edges, rests[:, 0])] = kinds
+    stuck = without(whole, merged(stretches))
+    kind[np.searchsorted(edges, stuck[:, 0])] = GAP
+    # a segment ends where the next one starts; before a long gap, and at the end of the log, it
+    # ends one step after its last sample
+    start, ends_at_gap = t[edges[:-1]], np.isin(edges[1:], whole[:, 1])
+    next_start = t[np.minimum(edges[1:], len(t) - 1)]
+    end = np.where(ends_at_gap, t[edges[1:] - 1] + step, next_start)
+    # a long gap becomes a segment without samples, up to the start of the next segment
+    gaps = np.flatnonzero(ends_at_gap[:-1]) + 1
+    gap_end = start[gaps]
+    start, end = np.insert(start, gaps, end[gaps - 1]), np.insert(end, gaps, gap_end)
+    return segment_table(rows, start, end, np.insert(kind, gaps, GAP), np.full(len(start), -1))
 
 
 def _between_disturbances(rows, stretches, step, settings):
     """Return the ranges of rows without a disturbance, (k, 2).
 
     Takes Samples, the ranges of rows to search, (m, 2), the median time step, s, and
-    SegmentSettings. If the sensors have two clocks, the search uses one value for each sample of
-    the slower sensor: the mean of the rows that hold it. Repeated values would change the noise.
+    SegmentSettings. If the sensors have two clocks, the rows repeat each sample of the slower
+    sensor, which would change its noise. The search then uses one value for each of these samples:
+    the mean of the rows that hold it.
     """
     x = rows.read(CHANNELS, 0, len(rows))
     stamps = next((name for name in OWN_TIME.values() if name in rows), None)
     if stamps is None:
         return undisturbed_ranges(x, stretches, step, settings)
     # each sample of the slower sensor is in the rows from one edge to the next
-    t, first = rows[TIME], own_rows(rows[stamps])
+    first = own_rows(rows[stamps])
     edges = np.append(first, len(rows))
-    means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
-    # ranges of rows are converted to ranges of the slower sensor's samples, and the result back
-    return edges[undisturbed_ranges(means, np.searchsorted(first, stretches), step, settings)]
-
-
-def _at_rail(rows, rests, rails):
-    """Return whether the specific force is clipped in each rest, (m,) of bool.
-
-    Takes Samples, the ranges of rows of the rests, (m, 2), and the ends of the range of each
-    channel, (low, high) by name.
-    """
-    names = (TIME, *ACCELERATION)
-    logs = (dict(zip(names, rows.read(names, *rest), strict=True)) for rest in rests.tolist())
-    shares = [at_rail(log, rails, ACCELERATION).mean() for log in logs]
-    return np.array(shares, dtype=float) > LEAST_RAILED
+    means = np.add.reduceat(x, first, axis=1) / np.diff(edges)
+    # ranges of rows become ranges of the slower sensor's samples, and the result ranges of rows
+    stretches, step = np.searchsorted(first, stretches), np.median(np.diff(rows[TIME][first]))
+    return edges[undisturbed_ranges(means, stretches, step, settings)]
 
 
 def _find_rests(rows, stretches, step, settings):
@@ -198,8 +211,16 @@ def _find_rests(rows, stretches, step, settings):
 def _choose_rests(log, settings):
     """Return the rests that give the best calibration of a session.
 
-    `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps
-    and the time step, s.
+    Steady rests, without the parts that turn slowly or tremble, are preferred. All rests are used
+    if the steady ones are too few: if the expected error of a calibration is then `DEAREST` times
+    as large. Rests in the hand are added if they reduce the expected error.
+
+    Parameters
+    ----------
+    log : tuple
+        Specific force, m/s², and angular rate, rad/s, (3, n), the ranges of samples between long
+        gaps, (k, 2), and the time step, s.
+    settings : SegmentSettings
 
     Returns
     -------
@@ -214,32 +235,30 @@ def _choose_rests(log, settings):
     detected, steady, bias, short = _detect(log, settings)
     if not len(detected):
         return detected, np.zeros(0), False, short
-    least = expected_error(attitudes(f, detected))
-    # steady rests are preferred, unless they are too few to determine a calibration: the result is
-    # returned if its expected error is at most `largest`
-    for still, largest in ((steady, DEAREST * least), (detected, np.inf)):
-        rests, tilt = without_tilts(f, w, widen_rests(f, w, still, stretches, step), bias, step)
-        result = rests, tilt, False, short
-        error = expected_error(attitudes(f, rests))
-        held = held_rests(w, stretches, step, bias, settings.shortest_rest_s)
+    held = held_rests(w, stretches, step, bias, settings.shortest_rest_s)
+    largest_error = DEAREST * expected_error(attitudes(f, detected))
+    for on_support, limit in ((steady, largest_error), (detected, np.inf)):
+        wider = widen_rests(f, w, on_support, stretches, step)
+        rests, tilt = without_tilts(f, w, wider, bias, step)
+        error, in_hand = expected_error(attitudes(f, rests)), False
         all_rests, is_held = unite(rests, held)
         error_with_held = expected_error(attitudes(f, all_rests))
         if is_held.any() and error_with_held < WORTH_HOLDING * error:
             all_tilts = np.zeros(len(all_rests))
             all_tilts[is_held] = sways(w, all_rests[is_held], bias, step)
             all_tilts[~is_held] = tilt[np.isin(rests[:, 0], all_rests[~is_held, 0])]
-            error, result = error_with_held, (all_rests, all_tilts, True, short)
-        if error <= largest:
-            return result
+            rests, tilt, error, in_hand = all_rests, all_tilts, error_with_held, True
+        if error <= limit:
+            return rests, tilt, in_hand, short
 
 
 def _detect(log, settings):
     """Return all rests of a session, their steady parts, the bias, and the number of short ones.
 
-    Rests and steady parts are ranges of samples, (m, 2) and (l, 2). The bias is the gyroscope's,
-    rad/s, (3,). The last result is the number of still stretches that are too short to be rests.
-    `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps
-    and the time step, s.
+    Rests and steady parts, in which the device neither turns slowly nor trembles, are ranges of
+    samples, (m, 2) and (l, 2). The bias is the gyroscope's, rad/s, (3,). The last result is the
+    number of still stretches that are too short to be rests. `log` holds specific force, m/s², and
+    angular rate, rad/s, (3, n), the ranges between long gaps, (k, 2), and the time step, s.
     """
     f, w, stretches, step = log
     windows = activity(f, w, stretches, max(2, round(settings.window_s / step)))
@@ -247,4 +266,5 @@ def _detect(log, settings):
     still = windows.within(MULTIPLES) & (windows.away(biases) <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
-    return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
+    steady, _ = detect_rests(still, stretches, step, settings)
+    return rests, steady, biases[0], short

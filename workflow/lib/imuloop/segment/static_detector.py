@@ -71,15 +71,17 @@ def activity(force, rate, stretches, window):
         # one axis at a time, to save memory
         variances[:, i:j] = 0.0
         for f, w, mean in zip(force, rate, means, strict=True):
-            variances[0, i:j] += sliding_statistics(f[i:j], window)[1]
-            mean[i:j], variance = sliding_statistics(w[i:j], window)
-            variances[1, i:j] += variance
+            _, force_variance = sliding_statistics(f[i:j], window)
+            mean[i:j], rate_variance = sliding_statistics(w[i:j], window)
+            variances[:, i:j] += [force_variance, rate_variance]
     # an accelerometer measures gravity at rest: zeros are not measurements
     variances[0, ~force.any(axis=0)] = np.inf
-    for sensor, x in zip(variances, (force, rate), strict=True):
-        if np.isfinite(variances[0]).any():
-            level = np.quantile(sensor[np.isfinite(variances[0])], 0.05)
-            sensor /= max(level, 3 * rounding_variance(x.T))
+    has_window = np.isfinite(variances[0])
+    if has_window.any():
+        for variance, x in zip(variances, (force, rate), strict=True):
+            level = np.quantile(variance[has_window], 0.05)
+            # the variance is a sum of three axes, each of which is rounded
+            variance /= max(level, 3 * rounding_variance(x.T))
     return Activity(variances, means, window)
 
 
@@ -172,22 +174,25 @@ def widen_rests(f, w, rests, stretches, step):
         Time step, s.
     """
     width = max(round(EDGE_S / step), 1)
+    # half of the mean that disagrees, and the samples that are left out before it
+    margin = width // 2 + width
     sensors = [(x, uniform_filter1d(x, width, axis=1), rounding_variance(x.T)) for x in (f, w)]
-    edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
+    ends_before, starts_after = np.append(0, rests[:-1, 1]), np.append(rests[1:, 0], f.shape[1])
+    wider = rests.copy()
     for k, (i, j) in enumerate(rests):
         # the rest may grow to the neighbouring rests, or to a long gap
         low, high = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
-        low, high = max(low, edges[2 * k]), min(high, edges[2 * k + 3])
-        # whether a mean disagrees with the rest; one entry more on each side ends the search
-        away = np.ones(high - low + 2, dtype=bool)
-        away[1:-1] = False
+        low, high = max(low, ends_before[k]), min(high, starts_after[k])
+        # whether the mean about each sample disagrees with the rest
+        disagrees = np.zeros(high - low, dtype=bool)
         for x, means, floor in sensors:
             rest = x[:, i:j]
             # one variance for all axes, so that the result does not depend on the sensor's axes
             variance = max(rest.var(axis=1).mean(), floor) / width
             square = (means[:, low:high] - rest.mean(axis=1, keepdims=True)) ** 2
-            away[1:-1] |= square.sum(axis=0) > chdtri(3, 1e-5) * variance
-        before, after = np.flatnonzero(away[: i - low + 1]), np.flatnonzero(away[j - low + 1 :])
-        left_out = width + width // 2
-        wider[k] = min(i, low + before[-1] + left_out), max(j, j + after[0] - left_out)
+            disagrees |= square.sum(axis=0) > chdtri(3, 1e-5) * variance
+        # last sample before the rest that disagrees, and first one after it; the neighbour is one
+        before = np.flatnonzero(np.append(True, disagrees[: i - low]))[-1] + low - 1
+        after = np.flatnonzero(np.append(disagrees[j - low :], True))[0] + j
+        wider[k] = min(i, before + 1 + margin), max(j, after - margin)
     return wider

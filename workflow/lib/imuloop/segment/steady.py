@@ -64,12 +64,14 @@ def unsteady_samples(w, rests, step, settings):
         if freedom < FEWEST:
             break
         means = [sliding_statistics(w[:, i:j].T, window)[0] for i, j in long]
+        # one row for each sample of the long parts: the change of the mean in the window about it
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
         # variance of a mean of samples that alternate between two levels: a quarter step², over n
         floor = np.full(3, 3 * rounding / window)
         covariance = robust_covariance(x[:: len(x) // MOST + 1], floor, tail_limit=1.0)
         bound = squared_distance_limit(settings.false_alarm / SCALES / len(x), 3, freedom)
-        unsteady[np.r_[*(slice(i, j) for i, j in long)]] |= squared_distance(x, covariance) > bound
+        samples = np.r_[*(slice(i, j) for i, j in long)]
+        unsteady[samples] |= squared_distance(x, covariance) > bound
         window *= 2
     guard = round(settings.window_s / 8 / step)
     return maximum_filter1d(unsteady, 2 * guard + 1) if len(parts) else unsteady

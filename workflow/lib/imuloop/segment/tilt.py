@@ -70,23 +70,27 @@ def tilts(rows, ranges, step):
     if not len(windows):
         return windows
     cuts = merged(np.array([i + _changing_part(u[i:j]) for i, j in windows]))
+    # from the first sample of the first block to the last sample of the last
     return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
 def _find_windows(u, turned):
     """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
 
-    Takes the direction u of specific force in n blocks, and the turn of u that the gyroscope shows,
-    `turned`, rad, (n, 3) each. The two are compared after subtracting the best line from both, and
-    after subtracting the mean.
+    Takes the direction u of specific force in n blocks, and the change of u that the gyroscope
+    shows, `turned`, rad, (n, 3) each. They are compared twice: after subtracting the best line from
+    both, and after subtracting the mean. Windows that overlap are merged.
     """
     chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
+        # blocks of each window, (number of windows, length)
         blocks = starts[:, None] + np.arange(length)
         tilted = np.zeros(len(starts), dtype=bool)
         for degree in (1, 0):
+            # orthonormal basis of the lines, or of the constants
             basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
+            # mean square, in each window, of u and of u less the change that the gyroscope shows
             power, residual = (
                 ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
                 for x in (u[blocks], (u - turned)[blocks])
@@ -141,11 +145,11 @@ def without_tilts(f, w, rests, bias, step):
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
+        # stretches of parts without a tilt, and the samples from the first part to the last
         still = stretches_of(tilts == 0)
-        spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0]
-        if spans.max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
-            first, end = still[np.argmax(spans)]
-            kept[k] = parts[first, 0], parts[end - 1, 1]
+        samples = np.column_stack([parts[still[:, 0], 0], parts[still[:, 1] - 1, 1]])
+        if lengths(samples).max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
+            kept[k] = samples[np.argmax(lengths(samples))]
         else:
             tilt[k] = np.sqrt(np.mean(tilts**2))
     return kept, tilt
@@ -154,23 +158,24 @@ def without_tilts(f, w, rests, bias, step):
 def rest_tilts(f, w, rests, bias, step):
     r"""Return, for each rest, its parts, (k, 2), and the tilt in each part, rad, (k,).
 
-    The noise of the two sensors is independent, but both see a tilt. Let u be the direction of the
-    specific force, ū its mean over a part, and δ the integral of the angular rate less its bias. A
-    device that lies still has u = ū. A device that tilts has u = ū + ū × (δ - δ̄). The logarithm
-    of the ratio of the likelihoods of the second and the first is
+    The noise of the two sensors is independent, but both see a tilt, such as on a soft surface or
+    in a hand. Let y be the change of the direction of specific force from its mean over a part, and
+    x the change that the gyroscope shows. A device that lies still has y = 0, and a device that
+    tilts y = x, but for the noise σ of the accelerometer. The logarithm of the ratio of their
+    likelihoods, the second over the first, is
 
     .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2,
-        \quad y = u - \bar u, \quad x = \bar u × (δ - \bar δ),
 
-    where σ is the noise of u in a block. If the device lies still, this logarithm exceeds log(1/p)
-    with a probability below p, whatever the gyroscope shows (Markov's inequality). Tilts by a soft
-    surface that settles, or by a hand, are found in this way. Since an accelerometer may drift, the
-    gyroscope also has to explain `SHARE` of the part of y that is not noise.
+    where y and x are means over blocks of `SHORT_BLOCK` seconds, and σ is of such means. If the
+    device lies still, this exceeds log(1/p) with a probability below p, whatever the
+    gyroscope shows (Markov's inequality). A part tilts if it exceeds log(n / `FALSE_ALARM`) with
+    the n parts of a session. Since an accelerometer may drift, the gyroscope also has to explain
+    the share `SHARE` of the part of y that is not noise.
 
-    If some parts of a session tilt, others are more likely to tilt as well: the prior odds are the
-    share of parts that tilt, among those at the start of a rest or among the others. A part within
-    a rest needs odds of at least 20 to 1. A part that lies still has the tilt 0, a part that tilts
-    the root mean square of x.
+    If some parts of a session tilt, others are more likely to tilt as well. So the limit becomes
+    log((1 - q)/q), by the share q of parts that tilt, among the first parts of all rests or among
+    the others. A part within a rest needs odds of at least 20 to 1. The tilt of a part is 0 if it
+    lies still, else the root mean square of x.
 
     Parameters
     ----------
@@ -191,33 +196,34 @@ def rest_tilts(f, w, rests, bias, step):
     # whether a part is the first of its rest
     begins = np.concatenate([np.arange(len(ranges)) == 0 for ranges in parts])
     # y and x in the blocks of each part
-    courses = [_block_changes(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
-    # neighbouring blocks differ by noise only, as a tilt is slow
-    noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1])
-    # the logarithm of the likelihood ratio, times the variance of the noise
-    gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
-    size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
-    # mean square of y above the noise, and three standard deviations of it
-    power, count = np.transpose([(np.sum(y**2), y.size) for y, _ in courses])
+    changes = [_block_changes(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
+    # σ² of a component: neighbouring blocks differ by noise only, as a tilt is slow
+    noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in changes if len(y) > 1])
+    # the logarithm of the likelihood ratio, times σ²
+    gain = np.array([np.sum(y * x - x**2 / 2) for y, x in changes])
+    size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in changes])
+    # sum of the squares of y without noise, and three standard deviations of it
+    power, count = np.transpose([(np.sum(y**2), y.size) for y, _ in changes])
     signal = np.maximum(power - noise * count, 0.0)
     chance = 3 * np.sqrt(2 * count * noise**2 + 4 * noise * signal)
-    # the gyroscope explains 2 Σ (y·x - x²/2) of Σ y²
+    # the gyroscope explains Σ y² - Σ (y - x)² = 2 Σ (y·x - x²/2)
     gain[2 * gain < SHARE * (signal - chance)] = -np.inf
     tilted = gain > noise * np.log(len(gain) / FALSE_ALARM)
-    # the prior odds: a soft surface is soft at each rest
     for _ in range(ROUNDS):
         for group, least in ((begins, 0.0), (~begins, SURE)):
-            if 0 < (share := tilted[group].mean() if group.any() else 0) < 1:
-                tilted[group] = gain[group] > noise * max(np.log(1 / share - 1), least)
-    tilts = np.split(np.where(tilted, size, 0.0), np.flatnonzero(begins)[1:])
-    return list(zip(parts, tilts, strict=True))
+            share = tilted[group].mean() if group.any() else 0.0
+            if 0 < share < 1:
+                tilted[group] = gain[group] > noise * max(np.log((1 - share) / share), least)
+    by_rest = np.split(np.where(tilted, size, 0.0), np.flatnonzero(begins)[1:])
+    return list(zip(parts, by_rest, strict=True))
 
 
 def _block_changes(f, w, first, last, bias, width, step):
     """Return the changes of gravity's direction in the b blocks of a range, rad, (b, 3) each.
 
     The first is the change by the accelerometer, the second by the gyroscope, both relative to
-    their mean over the range.
+    their mean over the range. With the mean direction ū and the rotation δ, the integral of the
+    angular rate less its bias, the second is ``ū × (δ - δ̄)``.
 
     Parameters
     ----------
@@ -233,11 +239,13 @@ def _block_changes(f, w, first, last, bias, width, step):
         Time step, s.
     """
     blocks = divided(first, last, (last - first) // width) - first
-    turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
-    u, turned = (
+    rotation = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
+    # means over the blocks
+    force, rotation = (
         np.add.reduceat(x, blocks[:, 0], axis=0) / np.diff(blocks)
-        for x in (f[:, first:last].T, turned)
+        for x in (f[:, first:last].T, rotation)
     )
-    mean = u.mean(axis=0)
-    size = np.linalg.norm(mean)
-    return (u - mean) / size, np.cross(mean / size, turned - turned.mean(axis=0))
+    mean_force = force.mean(axis=0)
+    size = np.linalg.norm(mean_force)
+    by_gyroscope = np.cross(mean_force / size, rotation - rotation.mean(axis=0))
+    return (force - mean_force) / size, by_gyroscope

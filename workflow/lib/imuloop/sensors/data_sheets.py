@@ -149,12 +149,12 @@ class DataSheet:
             raise ImuloopError(f"{self.label} has no {part}")
         if full_scale is None and len(figures.ranges) == 1:
             return figures.ranges[0]
+        # a text of another form, or with an unknown unit, becomes nan, which is close to nothing
         match = re.fullmatch(r"±?(\d+\.?\d*) *(\S*)", str(full_scale).strip())
-        # nan, for an unknown unit, is close to no full scale
-        unit = ({"": 1.0} | FACTORS[quantity]).get(match[2], nan) if match else nan
+        to_si = {"": 1.0} | FACTORS[quantity]
+        wanted = float(match[1]) * to_si.get(match[2], nan) if match else nan
         for candidate in figures.ranges:
-            size = candidate.full_scale
-            if match and isclose(float(match[1]) * unit, size, rel_tol=_SAME_RANGE):
+            if isclose(candidate.full_scale, wanted, rel_tol=_SAME_RANGE):
                 return candidate
         fault = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
         known = ", ".join(candidate.name for candidate in figures.ranges)
@@ -222,18 +222,19 @@ def _plain(name):
 
 
 def _figures(sensor, part):
-    """Return the SensorFigures of one accelerometer or gyroscope.
+    """Return the SensorFigures of one accelerometer or gyroscope, by a data sheet.
 
-    `sensor` is ``accelerometer`` or ``gyroscope``, and `part` its figures in the table, a dict.
+    `sensor` is ``accelerometer`` or ``gyroscope``, and `part` its figures in the table of sensors,
+    a dict. A key of this dict ends with a unit, such as ``full_scale_g``.
     """
     full_scales, to_si, unit = _find(part, "full_scale_{}")
     # a sheet gives counts per unit, or units per count, for each range
     counts, si_per_unit, _ = _find(part, "counts_per_{}")
     steps, si_per_step, _ = _find(part, "{}_per_count")
     scales = np.divide(si_per_unit, counts) if counts else np.multiply(si_per_step, steps)
-    density, per_unit, _ = _find(part, "noise_density_{}")
+    density, density_unit, _ = _find(part, "noise_density_{}")
     # the density may be missing (None), one number for all ranges, or a list
-    noise = np.broadcast_to(density and np.multiply(density, per_unit), len(full_scales))
+    noise = np.broadcast_to(density and np.multiply(density, density_unit), len(full_scales))
     ranges = tuple(
         Range(
             name=f"{size:g} {_WRITTEN[unit]}",
@@ -278,10 +279,10 @@ def _deviation(part, pattern, sensor, parameter):
 
 
 def _find(part, pattern):
-    """Return the value of a key of the table, the SI value of its unit, and the unit.
+    """Return the value of a key that holds its unit, the SI value of this unit, and the unit.
 
-    `part` is a dict of the table, and `pattern` the key with braces for the unit, such as
-    ``full_scale_{}``. The value is None if the key is absent.
+    `part` is a dict of the table of sensors, and `pattern` the key with braces for the unit, such
+    as ``full_scale_{}`` for ``full_scale_g``. The value is None if no such key is in the dict.
     """
     for unit, factor in _UNITS.items():
         if (key := pattern.format(unit)) in part:

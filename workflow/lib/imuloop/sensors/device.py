@@ -36,25 +36,24 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     sheet = find_sensor(sensor) if sensor else None
     scales, limits, tolerances, noise = {}, {}, {}, {}
     for quantity, part in PARTS.items():
-        # what the config states on the quantity, and the range that the config chooses
-        stated, wanted = dict((nominal or {}).get(quantity) or {}), (ranges or {}).get(quantity)
-        tolerance = stated.pop("tolerance", None) or {}
-        figures, by_default = getattr(sheet, part, None), GENERIC[part]
-        if wanted is not None or (figures and len(figures.ranges) == 1):
-            chosen = sheet.choose_range(quantity, wanted)
-            stated = {"scale": chosen.scale} | stated
-            limits[quantity], density = chosen.full_scale, chosen.noise_density
-        elif figures:
+        of_sheet, declared = getattr(sheet, part, None), dict((nominal or {}).get(quantity) or {})
+        tolerance, range_name = declared.pop("tolerance", None), (ranges or {}).get(quantity)
+        if range_name is not None or (of_sheet and len(of_sheet.ranges) == 1):
+            chosen = sheet.choose_range(quantity, range_name)
+            scale, density = {"scale": chosen.scale}, chosen.noise_density
+            limits[quantity] = chosen.full_scale
+        elif of_sheet:
             # without a choice the scale is not known, only the ranges to choose from
-            stated = {"ranges": [one_range.name for one_range in figures.ranges]} | stated
-            density = figures.noise_density
-        if figures:
-            by_default = figures.tolerance
-            noise |= {part: density} if density else {}
-        if stated:
-            scales[quantity] = stated
-        if figures or tolerance:
-            tolerances[part] = asdict(by_default) | tolerance
+            scale, density = {"ranges": [r.name for r in of_sheet.ranges]}, of_sheet.noise_density
+        else:
+            scale, density = {}, None
+        if scale | declared:
+            scales[quantity] = scale | declared
+        if density:
+            noise[part] = density
+        if of_sheet or tolerance:
+            by_default = of_sheet.tolerance if of_sheet else GENERIC[part]
+            tolerances[part] = asdict(by_default) | (tolerance or {})
     return {
         "nominal": scales,
         "full_scale": limits | (full_scale or {}),

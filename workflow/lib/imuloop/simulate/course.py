@@ -65,16 +65,18 @@ def poses(session, rate, rng):
         return rest(n, pose, vibration)
 
     pieces = [rest(round(session.initial_rest_s * rate), 0)]
-    for pose, here in enumerate(up):
+    for pose, new_up in enumerate(up):
         if pose > 0:
-            # a turn about the vertical, and the shortest turn to the new upward axis
-            twist = Rotation.from_rotvec(up[pose - 1] * rng.uniform(-60, 60) * DEGREE)
-            turn = (twist * Rotation.from_rotvec(shortest_turn(up[pose - 1], here))).as_rotvec()
-            pieces.append(move(samples(session.move_s), 1 / rate, turn, rng=rng, **HAND))
+            # a turn about the vertical by up to 60°, then the shortest one to the new upward axis
+            old_up = up[pose - 1]
+            yaw = Rotation.from_rotvec(old_up * rng.uniform(-60, 60) * DEGREE)
+            turn = yaw * Rotation.from_rotvec(shortest_turn(old_up, new_up))
+            n, vector = samples(session.move_s), turn.as_rotvec()
+            pieces.append(move(n, 1 / rate, vector, rng=rng, **HAND))
             pieces.append(random_rest(pose))
         if pose in yawed:
             angle = rng.choice([-1, 1]) * rng.uniform(40, 150) * DEGREE
-            pieces.append(move(samples((3.0, 6.0)), 1 / rate, here * angle))
+            pieces.append(move(samples((3.0, 6.0)), 1 / rate, new_up * angle))
             pieces.append(random_rest(pose))
     return pieces, up[0]
 
@@ -113,6 +115,7 @@ def at_rest(session, rate, rng):
             axis = axis - np.dot(axis, up) * up
             turn = axis / np.linalg.norm(axis) * angle
             pieces.append(move(n, 1 / rate, turn))
+            # the vertical turns the other way on body axes
             up, pose = Rotation.from_rotvec(turn).inv().apply(up), pose + 1
         done = first + n
     pieces.append(rest(round(session.duration_s * rate) - done, pose))

@@ -91,41 +91,35 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     ----------
     Flash & Hogan, J. Neurosci. 5 (1985) 1688.
     """
-    tau, duration = np.arange(n) / n, n * dt
-    fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
-    course = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    turn, tau, duration = np.asarray(turn, dtype=float), np.arange(n) / n, n * dt
+    rising = tau - tau**2
+    course, course_rate = tau**3 * (10 - 15 * tau + 6 * tau**2), 30 * rising**2 / duration
+    fade, fade_rate = 64 * rising**3, 192 * rising**2 * (1 - 2 * tau) / duration
     # axis, angle and rate of the angle of each factor; the axis of the turn v has the length of v
-    factors = [(np.asarray(turn), course, 30 * (tau - tau**2) ** 2 / duration)]
-    acceleration = np.zeros((n, 3))
+    factors, acceleration = [(turn, course, course_rate)], np.zeros((n, 3))
     if rng is not None:
         # the axis of the wobble is square to the turn, so that rotations do not commute; the axis
         # of the tremor is any
         axes = rng.standard_normal((2, 3))
-        axes[0] -= axes[0] @ turn * np.asarray(turn) / max(np.dot(turn, turn), 1e-12)
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        axes[0] -= axes[0] @ turn * turn / max(turn @ turn, 1e-12)
+        wobble_axis, tremor_axis = axes / np.linalg.norm(axes, axis=1, keepdims=True)
         omega, phase = 2 * np.pi * rng.uniform(*TREMOR), rng.uniform(0, 2 * np.pi, 2)
         angle = omega * tau * duration + phase[0]
         wave, wave_rate = np.sin(angle), omega * np.cos(angle)
-        factors.append((axes[0], wobble * fade, wobble * fade_rate))
-        trembling = tremor * (fade_rate * wave + fade * wave_rate)
-        factors.append((axes[1], tremor * fade * wave, trembling))
+        trembling = fade_rate * wave + fade * wave_rate
+        factors.append((wobble_axis, wobble * fade, wobble * fade_rate))
+        factors.append((tremor_axis, tremor * fade * wave, tremor * trembling))
         # the hand starts and stops, so the slow part of its acceleration has zero mean
         slow, fast = rng.standard_normal((2, 3)) * shake
-        acceleration = fade[:, None] * (
-            np.outer(np.sin(2 * np.pi * tau), slow)
-            + np.outer(np.sin(omega * tau * duration + phase[1]), fast / 3)
-        )
+        slow_wave = np.sin(2 * np.pi * tau)
+        fast_wave = np.sin(omega * tau * duration + phase[1]) / 3
+        acceleration = fade[:, None] * (np.outer(slow_wave, slow) + np.outer(fast_wave, fast))
     attitude, rate = np.array([1.0, 0, 0, 0]), np.zeros((n, 3))
     for axis, angle, angle_rate in factors:
         factor = exponential(np.outer(angle, axis))
         attitude = multiply(attitude, factor)
         rate = np.einsum("nji,nj->ni", matrix(factor), rate) + np.outer(angle_rate, axis)
-    return Piece(
-        attitude=attitude,
-        rate=rate,
-        acceleration=acceleration,
-        after=exponential(np.asarray(turn)),
-    )
+    return Piece(attitude=attitude, rate=rate, acceleration=acceleration, after=exponential(turn))
 
 
 def knock(n, dt, size, rng):

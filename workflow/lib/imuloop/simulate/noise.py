@@ -17,17 +17,18 @@ def white(n, dt, N, rng):
 
 
 def quantisation(n, dt, Q, rng):
-    """Return quantisation noise of the coefficient `Q`, SI·s, at n samples `dt` apart, s, SI, (n,).
+    """Return quantisation noise, SI, (n,).
 
-    It is the error of the rate of an integrated signal that is read with white errors q of standard
-    deviation Q: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE Std 952-1997, C.1.2). The rounding of the logged
-    value itself is another process, which is not included.
+    It is the error of the rate of an integrated signal that is read with white errors q: ``x_k =
+    (q_{k+1} - q_k)/Δt`` (IEEE Std 952-1997, C.1.2). The errors q have the standard deviation `Q`,
+    SI·s, and the samples are `dt` = Δt apart, s. The rounding of the logged value itself is another
+    process, which is not included.
     """
     return np.diff(Q * rng.standard_normal(n + 1)) / dt
 
 
 def flicker(n, dt, B, rng):
-    """Return flicker noise of bias instability `B`, SI, at n samples `dt` apart, s, SI, (n,).
+    """Return flicker noise of bias instability `B`, SI, at n samples that are `dt` s apart, (n,).
 
     The two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
     variance is ``(2 ln 2/π) B²``. The noise is a sum of an independent Gaussian cosine and sine, of
@@ -40,28 +41,31 @@ def flicker(n, dt, B, rng):
     Timmer & König, Astronomy & Astrophysics 300 (1995) 707; IEEE Std 952-1997, C.1.3.
     """
     m = next_fast_len(2 * n, real=True)
-    f = np.arange(1, m // 2 + 1) / (m * dt)
-    std = B / np.sqrt(np.pi * f * m * dt)
+    df = 1 / (m * dt)
+    f = df * np.arange(1, m // 2 + 1)
+    std = B * np.sqrt(df / (np.pi * f))
+    # a cosine of amplitude a has the coefficient a m/2 in a spectrum of m samples
     spectrum = np.zeros(m // 2 + 1, dtype=complex)
     spectrum[1:] = (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) * std * m / 2
     return irfft(spectrum, m)[:n]
 
 
 def walk(n, dt, K, rng):
-    """Return a random walk from zero at n samples `dt` apart, s, SI, (n,).
+    """Return a random walk that starts near zero, SI, (n,).
 
-    The steps of the walk have the standard deviation `K` √Δt, with Δt = `dt` and K in SI/√s.
+    Its steps have the standard deviation K √Δt. `K` is in SI/√s, and the samples are `dt` = Δt
+    apart, s.
     """
     return np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n))
 
 
 def ramp(n, dt, R):
-    """Return a ramp ``R t`` from zero at n samples `dt` apart, s, SI, (n,); R is in SI/s."""
+    """Return a ramp ``R t`` from zero, SI, (n,), of samples `dt` s apart; R is in SI/s."""
     return R * dt * np.arange(n)
 
 
 def steps(n, dt, size, times):
-    """Return a bias, SI, (n,), at n samples `dt` apart, s, that jumps at each of `times`, s.
+    """Return a bias that jumps at each of `times`, s: SI, (n,), of samples that are `dt` s apart.
 
     The bias jumps from zero to `size`, SI, at the first time, back to zero at the second, and so
     on.

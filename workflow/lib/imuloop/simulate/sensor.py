@@ -7,13 +7,14 @@ from imuloop.simulate.noise import axis_noise
 
 
 def output(truth, x, channels):
-    """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, (n, 3), SI.
+    """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, SI, (n, 3).
 
-    Takes a SensorTruth, which has misalignments T, scale factors K, biases b and effects e, the
-    true vectors x on body axes, (n, 3), SI, and a function that takes an output, (n, 3), and
-    returns the `Channels`, the inputs of the effects. The effects e depend on the output u itself,
-    so the equation is solved by repeated substitution. Each of four rounds reduces the error by the
-    factor de/du, a few per cent at most.
+    The effects e depend on the output u itself, so the equation is solved by repeated substitution.
+    Each of four rounds reduces the error by the factor de/du, a few per cent at most.
+
+    Takes a SensorTruth, which has misalignments T, scale factors K, biases b and effects e; the
+    true vectors x on body axes, SI, (n, 3); and a function that takes an output, (n, 3), and
+    returns the `Channels`, the inputs of the effects.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -53,17 +54,18 @@ def lagged(x, dt, tc):
     """
     if not tc:
         return x
-    phi = np.exp(-dt / tc)
-    # mean of exp(-s/tc) over a step, by which a linear change of x enters
-    share = (1 - phi) * tc / dt
-    return lfilter([1 - share, share - phi], [1, -phi], x, zi=[share * x[0]])[0]
+    # over a step y keeps the share `kept` of its value. The rest comes from x, whose change within
+    # the step enters with the mean of exp(-s/tc) over it
+    kept = np.exp(-dt / tc)
+    mean = (1 - kept) * tc / dt
+    return lfilter([1 - mean, mean - kept], [1, -kept], x, zi=[mean * x[0]])[0]
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a Thermometer logs, (n,), degC: late, noisy and rounded.
+    """Return the temperature that a Thermometer logs, degC, (n,): late, noisy and rounded.
 
-    Takes the temperature of the device at n samples `dt` apart, s, (n,), degC, and the seed of the
-    noise, a SeedSequence.
+    `temperature` has the temperature of the device, degC, at n samples, (n,), and `dt` is the time
+    between two samples, s. `seed` is the seed of the noise, a SeedSequence.
     """
     noise = np.random.default_rng(seed).standard_normal(len(temperature))
     reading = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise

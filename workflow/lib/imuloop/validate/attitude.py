@@ -112,22 +112,24 @@ def held_out_models(diagnosed, problem):
         The models by name, for each block.
     """
     joint_fit, calibration = problem.joint_fit, diagnosed.calibration
-    has_effects = bool(diagnosed.poses.choices.choice().effects)
     nominal = {s: SensorCalibration.nominal(joint_fit.units[s], None) for s in SENSORS}
     raw, base_problem = replace(calibration, **nominal), problem
     if problem.nuisance_effects:
-        # the base model lacks the effects that static records showed, too
+        # the base model lacks the effects that static records showed, too; what the problem has
+        # computed with them is dropped
         base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
         """Return the Calibration by a fit, with effects, to the poses outside blocks `held_out`."""
         return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
-    models, choices = [], Choices(problem)
+    # the choice of effects by all poses, and the choices by the poses outside each block
+    all_choices, choices, models = diagnosed.poses.choices, Choices(problem), []
+    has_effects = bool(all_choices.choice().effects)
     for block in range(problem.folds):
         held_out, effects = frozenset({block}), ()
         if has_effects:
-            effects = diagnosed.poses.choices.nested_choice(choices.search(held_out))
+            effects = all_choices.nested_choice(choices.search(held_out))
         final = fit_without(problem, effects, held_out)
         base = fit_without(base_problem, (), held_out) if final.effects else final
         models.append({"raw": raw, "base": base, "final": final})
@@ -155,20 +157,27 @@ def _errors(recording, block, models, names):
             # direction of gravity at the poses, by the final model
             up, _ = recording.calibrated_force(models[k]["final"].accelerometer)
             up = up / np.linalg.norm(up, axis=1, keepdims=True)
+        # time of arrival at each rest and of departure from it, (p, 2); the time for which the
+        # direction was carried: since the rest before, or by the filter since the first rest
         ends = stretch.t[np.column_stack([stretch.arrive, stretch.leave])]
-        # seconds since the rest before, for the gyroscope alone, or since the first rest
         after = {"rotation": ends[1:, :1] - ends[:-1, 1:], "filter": ends[1:] - ends[0, 1]}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
-                # (rests, 1): on arrival at a rest; (rests, 2): on departure from it, too
+                # (p - 1, 1): on arrival at a rest; (p - 1, 2): on departure from it, too
                 error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
                 rests, moments = error.shape
-                rows = {"session": names[session], "stretch": number, "block": k}
-                rows |= {"method": method, "model": model, "t_s": ends[1:, :moments].ravel()}
-                rows["after_s"] = after[method].ravel()
-                rows["at"] = np.tile(["arrival", "departure"][:moments], rests)
-                rows["error_deg"] = np.degrees(error).ravel()
+                rows = {
+                    "session": names[session],
+                    "stretch": number,
+                    "block": k,
+                    "method": method,
+                    "model": model,
+                    "t_s": ends[1:, :moments].ravel(),
+                    "after_s": after[method].ravel(),
+                    "at": np.tile(["arrival", "departure"][:moments], rests),
+                    "error_deg": np.degrees(error).ravel(),
+                }
                 tables.append(pd.DataFrame(rows))
     return pd.concat(tables, ignore_index=True)
 
@@ -181,11 +190,11 @@ def _summary(rows):
     rows = rows[rows["at"] == "arrival"]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: table["error_deg"].to_numpy() for model, table in by_model.items()}
-    base, final = errors["base"][:, None], errors["final"][:, None]
     models = {
         model: {"rms_deg": float(np.sqrt((e**2).mean())), "p95_deg": float(np.quantile(e, 0.95))}
         for model, e in errors.items()
     }
+    base, final = errors["base"][:, None], errors["final"][:, None]
     # the interval of the ratio final over base, whose inverse is reported; `low` may be zero
     low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final)
     return {
@@ -202,13 +211,14 @@ def _rotation_floor(problem, solution):
 
     `problem` is the PoseProblem with the folds, and `solution` the Fit of all poses.
     """
-    factors = problem.joint_fit.linearise(solution, problem.recording)
-    noise = factors.noise.by(problem.joint_fit.noise)
-    # the rows after the rows of the recording belong to the prior
+    linearised = problem.joint_fit.linearise(solution, problem.recording)
+    noise = linearised.noise.by(problem.joint_fit.noise)
+    # the problem also has the rows of the prior, after those of the recording
     measured = slice(len(solution.white))
-    covariance = held_out_covariance(noise, factors.jacobian, problem.row_folds[measured])
-    # a rotation has two components
-    variance = 2 * np.diag(covariance)[problem.of_kind("rotation")[measured]].mean()
+    covariance = held_out_covariance(noise, linearised.jacobian, problem.row_folds[measured])
+    of_rotation = problem.of_kind("rotation")[measured]
+    # the error of a rotation has two components
+    variance = 2 * np.diag(covariance)[of_rotation].mean()
     return float(np.degrees(np.sqrt(variance)))
 
 
@@ -229,29 +239,24 @@ class Stretch:
 def stretches(recording, block):
     """Return the longest stretches whose moves follow each other within a block, a list in order.
 
-    A move belongs to the block of the pose that it starts from. Takes the Recording and the number
-    of the block of each pose, (n,).
+    A move belongs to the block of the pose that it starts from. The first and the last rest of a
+    stretch count for `SETTLE` seconds at most. Takes the Recording and the number of the block of
+    each pose, (n,).
     """
+    # poses from which a move starts; a move follows another if it starts where the other ends
     first, poses, result = recording.rotations.first, recording.poses, []
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(block[first]) != 0)) + 1
     for group in np.split(first, cuts) if len(first) else ():
         index = np.append(group, group[-1] + 1)
         t = recording.logs[poses.session[index[0]]].t
         start, end = poses.start_s[index], poses.end_s[index]
-        # `end_s` is open: the pose's last sample is the one before it
+        # the end of a pose is exclusive: its last sample is the one before
         arrive, leave = np.searchsorted(t, start), np.searchsorted(t, end) - 1
         arrive[0] = max(arrive[0], np.searchsorted(t, end[0] - SETTLE))
         leave[-1] = min(leave[-1], np.searchsorted(t, start[-1] + SETTLE))
         piece = slice(arrive[0], leave[-1] + 1)
-        result.append(
-            Stretch(
-                poses=index,
-                t=t[piece],
-                piece=piece,
-                arrive=arrive - piece.start,
-                leave=leave - piece.start,
-            )
-        )
+        arrive, leave = arrive - piece.start, leave - piece.start
+        result.append(Stretch(poses=index, t=t[piece], piece=piece, arrive=arrive, leave=leave))
     return result
 
 
@@ -280,10 +285,10 @@ def rotation_errors(turns, f, stretch, u):
     Returns
     -------
     ndarray, shape (p - 1, 1)
-        Angles between both directions at each rest but the first, rad.
+        Angles between the carried direction and u at each rest but the first, rad.
     """
-    q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))])
-    leave, arrive = matrix(q[stretch.leave[:-1]]), matrix(q[stretch.arrive[1:]])
+    C = matrix(np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))]))
+    leave, arrive = C[stretch.leave[:-1]], C[stretch.arrive[1:]]
     carried = np.einsum("pji,pjk,pk->pi", arrive, leave, u[:-1])
     return angle(carried, u[1:])[:, None]
 

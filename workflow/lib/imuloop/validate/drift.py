@@ -195,26 +195,18 @@ def _test(log, turn_on, level):
     `turn_on` holds, by sensor, the standard deviations of the three biases between power cycles,
     SI. `level` is the level of each family of tests: each parameter, and all of a sensor together.
     """
-    old, old_covariance = log.prior
+    # each column of the basis is a change that the log determines, as a change of all parameters
     tests = {name: log.testable(name) for name in log.factors.sensors}
-    # each column is a change that the log determines, as a change of all parameters
-    basis, scatter = np.hstack([test.basis for test in tests.values()]), np.zeros(len(old.x))
-    for name in SENSORS:
-        scatter[log.places(name, BIASES)] = np.square(turn_on[name])
-    # the log alone determines the change of a bias, so the scatter adds to the error of this
-    # change, below. In the covariance S of the residuals it would hide the noise, as the derivative
-    # is not quite the same at the old and at the new parameters; S has the scatter only in the
-    # directions that are not fitted, on which `hidden` projects
-    hidden = np.eye(len(basis)) - basis @ basis.T
-    change, measured, expected = log.fit_change(basis, old_covariance + hidden * scatter @ hidden)
-    covariance = measured + basis.T * scatter @ basis
+    basis = np.hstack([test.basis for test in tests.values()])
+    change, measured, covariance, expected = _fit_changes(log, basis, turn_on)
     std = np.sqrt(np.diag(covariance))
     p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
-    scaled = [name in SCALES for test in tests.values() for name in test.names]
-    numbers = np.array([change, np.sqrt(np.diag(measured)), std])
-    numbers /= np.where(scaled, basis.T @ old.x, 1.0)
-    rows = np.column_stack([*numbers, change / std, p_values, holm(p_values)]).tolist()
+    old, _ = log.prior
+    is_scale = [name in SCALES for test in tests.values() for name in test.names]
+    unit = np.where(is_scale, basis.T @ old.x, 1.0)
+    numbers = (change / unit, np.sqrt(np.diag(measured)) / unit, std / unit, change / std)
+    rows = np.column_stack([*numbers, p_values, holm(p_values)]).tolist()
     # the joint test of each sensor: its part of the changes, χ², and the p-value
     counts = [len(test.names) for test in tests.values()]
     parts = [slice(end - n, end) for n, end in zip(counts, np.cumsum(counts), strict=True)]
@@ -242,3 +234,31 @@ def _test(log, turn_on, level):
             turn_on=turn_on[name],
         )
     return {name: result[name] for name in SENSORS}
+
+
+def _fit_changes(log, basis, turn_on):
+    """Return the changes of the parameters of a NewLog along a basis, (p, q), and their errors.
+
+    The scatter of a bias between power cycles adds to the error of a change that is fitted. In the
+    covariance S of the residuals it would hide the noise, as their derivative is not quite the same
+    at the old and at the new parameters. So S has the scatter only in the directions of the
+    parameters that are not fitted.
+
+    Returns
+    -------
+    ndarray, shape (q,)
+        The changes.
+    ndarray, shape (q, q), and ndarray, shape (q, q)
+        Their covariance by the errors of the old calibration and of the new log, and the same with
+        the scatter of biases, whose standard deviations `turn_on` holds by sensor, SI, (3,) each.
+    ndarray, shape (n, n)
+        Covariance S of the n residuals that the old parameters leave.
+    """
+    old, covariance = log.prior
+    variance = np.zeros(len(old.x))
+    for name in SENSORS:
+        variance[log.places(name, BIASES)] = np.square(turn_on[name])
+    scatter, not_fitted = np.diag(variance), np.eye(len(basis)) - basis @ basis.T
+    prior = covariance + not_fitted @ scatter @ not_fitted
+    change, measured, expected = log.fit_change(basis, prior)
+    return change, measured, measured + basis.T @ scatter @ basis, expected

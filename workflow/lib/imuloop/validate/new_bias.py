@@ -63,14 +63,14 @@ def _new_biases(log, updated):
     """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]
-    basis, kept = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
+    basis, others = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
     # the old bias has no weight: the errors of all other parameters remain
-    kept[biases] = 0.0
-    prior = covariance * np.outer(kept, kept)
+    others[biases] = 0.0
+    prior = covariance * np.outer(others, others)
     change, bias_covariance, expected = log.fit_change(basis, prior)
-    # covariance of the new biases with the other parameters
-    across = -bias_covariance @ (jacobian @ basis).T @ np.linalg.solve(expected, jacobian @ prior)
-    across = basis @ across
+    # covariance of the new biases with the other parameters, -C_b J_bᵀ S⁻¹ J_p C_p
+    weighted = np.linalg.solve(expected, jacobian @ prior)
+    across = basis @ -bias_covariance @ (jacobian @ basis).T @ weighted
     return basis @ change, prior + across + across.T + basis @ bias_covariance @ basis.T
 
 

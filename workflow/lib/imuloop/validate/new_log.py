@@ -95,7 +95,7 @@ class NewLog:
         tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
         self.factors = Factors(gravity or calibration.gravity, tested)
         self.owners = self.factors.owners(self.recording)
-        self.kinds = self.factors.rows(self.recording)[1]
+        _, self.kinds = self.factors.rows(self.recording)
 
     @cached_property
     def noise(self):
@@ -129,8 +129,9 @@ class NewLog:
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
-        # a turn has several residuals
-        turns = np.count_nonzero(self.kinds == "rotation") // KINDS["rotation"][1]
+        # a turn has several residuals, its components
+        _, components = KINDS["rotation"]
+        turns = np.count_nonzero(self.kinds == "rotation") // components
         return f"{rests} and {turns} turn(s) between them"
 
     def testable(self, sensor):
@@ -138,7 +139,9 @@ class NewLog:
 
         Groups of parameters are added in order: the bias, the scale factors, the misalignments, and
         each effect. A group is left out if the log does not determine it together with the groups
-        before; its parameters keep the values and errors of the calibration.
+        before; its parameters keep the values and errors of the calibration. If the log does not
+        determine the whole bias either, the changes are the directions of it that the log
+        determines.
         """
         (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
@@ -151,24 +154,24 @@ class NewLog:
         determined, missed = [], []
         for group in filter(None, groups.values()):
             tried, new = (self.places(sensor, names) for names in ([*determined, *group], group))
-            worst = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
-            # the bias needs as many residuals as parameters, all further groups one more
+            # the bias may have any error, and needs as many residuals as parameters; further groups
+            # need one more
+            largest = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
             enough = len(whitened) >= len(tried) + bool(determined)
-            if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= worst):
+            if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= largest):
                 determined += group
             else:
                 missed += group
         why = f"not determined by {self.describe_data(sensor)}" if missed else None
         basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
         if not determined:
-            # the log does not determine the whole bias: only some directions of it
             why += ", but for its bias along gravity"
-            _, size, axes = np.linalg.svd(whitened @ basis)
-            axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
-            # the largest component of a direction is positive
-            axes = np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
-            determined = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
-            basis = basis @ axes.T
+            directions = _determined_directions(whitened @ basis)
+            # the sum with zero removes the sign of -0.0
+            rounded = np.round(directions, 2) + 0.0
+            determined = ["b along ({}, {}, {})".format(*u) for u in rounded]
+            basis = basis @ directions.T
+        # a change has the unit of any parameter that it changes
         units = tuple(old.units[k] for k in np.argmax(basis != 0, axis=0))
         return Testable(
             basis=basis, names=tuple(determined), units=units, untested=tuple(missed), why=why
@@ -177,15 +180,18 @@ class NewLog:
     def fit_change(self, basis, prior):
         """Fit the change of the old parameters along the q columns of a basis, (p, q).
 
-        `prior`, (p, p), is the covariance of the old parameters.
+        The residuals that the old parameters leave have the covariance S, by the noise of the new
+        log and by the errors of the old parameters, whose covariance is `prior`, (p, p). The fit
+        weights them by the inverse of S. If the residuals of a sensor are larger than their noise
+        even with the new parameters, the noise of this sensor is enlarged, and the fit is repeated.
 
         Returns
         -------
         ndarray, shape (q,), and ndarray, shape (q, q)
             The change and its covariance.
         ndarray, shape (n, n)
-            Covariance of the residuals with the old parameters. The noise is enlarged if the new
-            log fits worse than its noise with any parameters.
+            The covariance S of the n residuals that the old parameters leave, with the enlarged
+            noise.
         """
 
         def linearise(change):
@@ -194,16 +200,16 @@ class NewLog:
             return SimpleNamespace(residual=factors.residual, jacobian=factors.jacobian @ basis)
 
         jacobian = self.unchanged.jacobian
-        # covariance of the residuals by the errors of the old parameters
-        by_prior, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
+        by_prior = jacobian @ prior @ jacobian.T
         start = fit(linearise, np.zeros(basis.shape[1]), self.noise + by_prior).x
         at_start = linearise(start)
         groups = [self.owners == sensor for sensor in self.factors.sensors]
         squares, _ = chi_square(at_start.residual, self.noise + by_prior, at_start.jacobian, groups)
+        factor = np.ones(len(jacobian))
         for of_sensor, (square, dof) in zip(groups, squares, strict=True):
             if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
-                size[of_sensor] = np.sqrt(square / dof)
-        expected = self.noise * np.outer(size, size) + by_prior
+                factor[of_sensor] = np.sqrt(square / dof)
+        expected = self.noise * np.outer(factor, factor) + by_prior
         solution = fit(linearise, start, expected)
         return solution.x, solution.covariance, expected
 
@@ -216,15 +222,11 @@ class NewLog:
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
+            unit, _ = KINDS[kind]
             of_kind = squares[:, self.kinds == kind]
-            if of_kind.size:
+            if n := of_kind.shape[1]:
                 rms, floor = np.sqrt(of_kind.mean(axis=1)).tolist()
-                result[kind] = {
-                    "unit": KINDS[kind][0],
-                    "n": of_kind.shape[1],
-                    "rms": rms,
-                    "floor": floor,
-                }
+                result[kind] = {"unit": unit, "n": n, "rms": rms, "floor": floor}
         return result
 
 
@@ -237,3 +239,14 @@ def _errors(whitened):
     if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
         return np.full(len(size), np.nan)
     return np.sqrt(np.diag(covariance_of(whitened)))
+
+
+def _determined_directions(whitened):
+    """Return the directions of a bias that residuals determine, unit vectors, (d, 3), d ≤ 3.
+
+    `whitened`, (n, 3), is the derivative with respect to the bias of residuals whose noise is
+    independent with variance 1. The largest component of each direction is positive.
+    """
+    _, size, axes = np.linalg.svd(whitened)
+    axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
+    return np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
