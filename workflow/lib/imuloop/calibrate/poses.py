@@ -216,9 +216,9 @@ def add_tilt_turns(poses, logs):
     the device rotates by φ(t) - φ̄. φ is the rotation since the start of the pose, the integral of
     the angular rate, and φ̄ its mean over the pose. These fields of the poses that tilt change:
 
-    - `to_ends_s` and `w_to_ends`. The rotation from the mean attitude to the start is -φ̄, and to the
-      end φ(end) - φ̄. Each is stored as a time, the one to the start negative, and the mean angular
-      rate over this time, because the bias in this rate is known only after the fit.
+    - `to_ends_s` and `w_to_ends`. From the mean attitude the rotation to the start is -φ̄, and the
+      one to the end φ(end) - φ̄. Each is stored as a time, the one to the start negative, and the
+      mean angular rate over it, because the bias in this rate is known only after the fit.
     - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias: by the
       square of the rate of a steady rotation with the same root mean square.
     - `f` and `w` become weighted means, unless the rest was interrupted. A hand that moves at the
