@@ -50,4 +50,4 @@ def attitude_pictures(device):
 
     caption = phrase("filter", filtered=filtered, words=words)
     name = f"{device.name}.attitude_filter"
-    return [Picture(name, "Error of the vertical", caption, plot, rows, size=(440, 270))]
+    return [Picture(name, "Error of the vertical", caption, plot, rows)]
