@@ -128,9 +128,7 @@ def misalignment_table(device, sensor):
     )
     for v in values:
         rows[v.axis[0]][v.axis[1]] = shade(v.value, v.std, largest, display)
-    note = (
-        "A column's axis shows on the row's. The colour is of the sign; within 2 σ there is none."
-    )
+    note = "A column's axis shows on the row's. The colour shows the sign of a value above 2 σ."
     title = f"{sensor.capitalize()}: misalignment ± 1 σ"
     rows = [(f"on {axis}", *cells.values(), display.unit) for axis, cells in rows.items()]
     return Table(title, ("Axis", *XYZ, "Unit"), rows, note) if values else None

@@ -11,7 +11,7 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return the result of the validation by attitude in words, or why there is none.
+    """Return the result of the validation by attitude in words, or why it is missing.
 
     The text is empty if the diagnosis already gives that reason.
     """

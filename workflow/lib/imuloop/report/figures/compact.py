@@ -8,7 +8,7 @@ NOTHING = re.compile(
     r" transform=\"rotate\(-0[^\"]*\"|(?<=>)\s+(?=<)",
     re.DOTALL,
 )
-# what the style of the page gives to every text, and the drawing's root to every line
+# properties that the page gives to every text, and the drawing's root to every line
 GIVEN = re.compile(r"font-size: 12px; font-family: [^;]*; |; fill: #1b1f24|fill: none; ")
 EMPTY = re.compile(r"<g/>|<g></g>|<defs></defs>|<path d=\"[^\"]*\" style=\"fill: none\"/>")
 # a group with one child

@@ -63,8 +63,8 @@ STYLE = {
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
 # entries by which matplotlib names itself and the day
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-# sizes of a picture that a small screen shows whole, of one beside a column of text, and the width
-# from which on a picture takes the full width of the page, px
+# size of a picture that a small screen shows whole, size of a picture next to a column of text, and
+# the width from which on a picture takes the full width of the page, px
 SMALL, BESIDE, WIDE = (356, 250), (560, 240), 600
 
 

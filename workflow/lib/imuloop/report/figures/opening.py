@@ -1,4 +1,4 @@
-"""The two pictures that a device's part opens with: what was wrong, and what was recorded."""
+"""The two first pictures of a device's part: its main error, and its main recording."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from imuloop.report.figures.residuals import residual_picture
 from imuloop.report.figures.time_series import session_pictures
 from imuloop.report.findings import blocks, residual_names, tested
 
-# sessions by what they show, best first
+# kinds of sessions, those with the most motion first
 KINDS = ("multi_position", "six_position", "reference_motion", "known_rotation", "static")
 
 

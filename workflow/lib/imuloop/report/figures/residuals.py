@@ -107,7 +107,7 @@ def draw_residuals(area, x, series, floor):
 def residual_picture(device, block, name, narrow=False):
     """Return the picture of one kind of residual, `name`, of a diagnosis.
 
-    A `narrow` picture has the residuals over time alone; others have further quantities beside it.
+    A `narrow` picture has the residuals over time alone; others have them over further quantities.
     """
     residual, changed, table = (
         block["residuals"][name],
@@ -130,7 +130,7 @@ def residual_picture(device, block, name, narrow=False):
     panels = dict([*panels.items()][:1]) if narrow else panels
 
     def plot(areas):
-        """Draw the residuals against each quantity on an area of its own."""
+        """Draw the residuals against each quantity, on one area each."""
         areas = np.atleast_1d(areas)
         for area, (label, x) in zip(areas, panels.values(), strict=True):
             # against time, each mark has its floor; elsewhere that would jump, so draw the median
