@@ -81,17 +81,16 @@ def pages(page):
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_an_address_opens_its_part_and_print_has_all_of_them(browser, results, scripts):
-    """Protects readers from headings of closed sections, on paper too."""
+def test_an_address_opens_its_part_and_print_has_what_is_open(browser, results, scripts):
     tab = Tab(browser, java_script_enabled=scripts)
     page = tab.open(results / "report.html")
     page.goto(f"{(results / 'report.html').as_uri()}#board.noise")
     assert page.locator("[id='board.noise']").is_visible()
-    page = tab.open(results / "nothing/report.html")
+    page = tab.open(results / "board/report.html")
     found, closed = pages(page), page.locator("details:not([open])")
-    assert closed.count() > 2
+    assert found <= 3 and closed.count() > 2
     closed.evaluate_all("all => all.forEach(each => each.open = true)")
-    assert found == pages(page)
+    assert pages(page) > found
     tab.context.close()
 
 

@@ -79,14 +79,17 @@ addEventListener("click", ({ target }) => {
 addEventListener("hashchange", revealAddress);
 revealAddress();
 
-// Print shows every section; afterwards those that were closed close again. Newer browsers need only
-// the style for this.
-let closed = [];
-addEventListener("beforeprint", () => {
-  closed = [...document.querySelectorAll("details:not([open])")];
-  for (const each of closed) each.open = true;
-});
-addEventListener("afterprint", () => closed.forEach((each) => (each.open = false)));
+// A button below each picture shows it at the full width of the page, and again as it was.
+for (const figure of document.querySelectorAll(".figures figure")) {
+  const button = document.createElement("button");
+  Object.assign(button, { type: "button", className: "enlarge", ariaLabel: "Enlarge" });
+  button.setAttribute("aria-pressed", "false");
+  button.addEventListener("click", () => {
+    const large = figure.classList.toggle("large");
+    button.setAttribute("aria-pressed", large);
+  });
+  figure.querySelector("figcaption").append(button);
+}
 
 // The contents show where the reader is: the last section that has reached the top.
 const links = [...document.querySelectorAll("nav a[href^='#']")];

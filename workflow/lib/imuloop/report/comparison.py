@@ -3,12 +3,14 @@
 from dataclasses import asdict
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import text_cell
 from imuloop.export.densities import for_filter, of_calibrated
+from imuloop.report.advice import next_step
 from imuloop.report.figures.allan import curve, longest_curve_first
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.findings import BOTH, answers, blocks, card, rank
@@ -21,7 +23,7 @@ from imuloop.report.units import DEGREES, MILLI_G, QUANTITIES, data_sheet
 # version of summary.json
 FORMAT = 2
 # stages of the long table that are compared
-COMPARED = ("final", "logged", "after", "floor")
+COMPARED = ("final", "logged", "after", "floor", "prior")
 
 
 def summarise(device):
@@ -49,7 +51,7 @@ def summarise(device):
             for name in SENSORS
         },
         "answers": answers(found),
-        "card": card(found, loop, final),
+        "card": card(found, loop, final) | {"next": next_step(device)},
         "calibrated": bool(final and final.measured),
         "loop": loop,
         "values": list(map(asdict, values)),
@@ -85,11 +87,39 @@ def filter_noise(device, final):
 
 
 class Cell(NamedTuple):
-    """A cell of the comparison: its text, small text below, and the number it is sorted by."""
+    """A cell of the comparison: its text, small text below, and the number it is sorted by.
+
+    The number may have a `mark`, the size that the data sheet states; both have their places along
+    a bar, in per cent.
+    """
 
     text: str
     below: str = ""
     value: float | None = None
+    mark: float | None = None
+    place: float | None = None
+    mark_place: float | None = None
+
+
+def placed(rows):
+    """Return rows of cells, a row per device, with places by the logarithms of a column's sizes."""
+    columns_of_cells = []
+    for column in zip(*rows, strict=True):
+        sizes = [x for cell in column for x in (cell.value, cell.mark) if x and x > 0]
+        low, span = (np.log(min(sizes)), np.log(max(sizes) / min(sizes))) if sizes else (0.0, 0.0)
+
+        def place(size, low=low, span=span):
+            """Return the place of a size between the ends of its column, 4 to 96 %."""
+            return 4 + 92 * (np.log(size) - low) / span if size and size > 0 and span else None
+
+        columns_of_cells.append(
+            [
+                # a rate has no axis, and nothing to compare
+                c._replace(place=place(c.value), mark_place=place(c.mark)) if c.below else c
+                for c in column
+            ]
+        )
+    return [*zip(*columns_of_cells, strict=True)]
 
 
 def columns(sensor):
@@ -100,28 +130,29 @@ def columns(sensor):
 
 
 def pivot(summary, sensor):
-    """Return four `Value` rows for each quantity of a sensor, for its worst axis.
+    """Return five `Value` rows for each quantity of a sensor, for its worst axis.
 
     They are the row with the largest value, the row with an upper limit above that value, the row
-    of the noise as logged, and the row of the floor of a residual; None if absent.
+    of the noise as logged, the row of the floor of a residual, and the row of the tolerance, or of
+    the data sheet's noise; None if absent.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     found = {}
     for quantity in ("residual", *columns(sensor)):
         kept = select(rows, quantity=quantity)
-        logged, floor = (worst(select(kept, stage=s))[0] for s in ("logged", "floor"))
+        marks = (worst(select(kept, stage=s))[0] for s in ("logged", "floor", "prior"))
         final = select(kept, stage="after") or select(kept, stage="final")
-        found[quantity] = (*worst(final or select(kept, stage="logged")), logged, floor)
+        found[quantity] = (*worst(final or select(kept, stage="logged")), *marks)
     return found
 
 
 def cells(summary, sensor):
-    """Return the cells of a device in a sensor's comparison."""
+    """Return the cells of a device in a sensor's comparison, not yet `placed`."""
     worst_axes = pivot(summary, sensor)
     return [_cell(*worst_axes[quantity], unit) for quantity, unit in columns(sensor).items()]
 
 
-def _cell(largest, limit, logged, floor, display):
+def _cell(largest, limit, logged, floor, prior, display):
     """Return the cell of a quantity, given its rows as in `pivot` and the unit of the column."""
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:
@@ -138,7 +169,8 @@ def _cell(largest, limit, logged, floor, display):
     if logged and logged.value != worst_row.value:
         below.append(f"as logged {display.size(logged.value, 2)}")
     size = abs(largest.value) if largest else limit.upper95
-    return Cell(worst_row.text(display) + unit, "; ".join(below), size)
+    text = worst_row.text(display) + unit
+    return Cell(text, "; ".join(below), size, mark=prior and prior.value)
 
 
 def verdict_rank(verdicts):

@@ -188,10 +188,11 @@ def card(found, loop, calibration=None):
     """
     places, effects = {}, {}
     for block in found:
-        # a record of both sensors repeats the effects of each sensor, so it is skipped
-        for effect in block["effects"] if block["sensor"] != BOTH else ():
+        for effect in block["effects"]:
             place = places.setdefault(effect_words(effect), [])
-            place += {phrase("sensor", b=block)} - {*place}
+            # data in motion repeat the effects that other data show
+            if block["sensor"] != BOTH or not place:
+                place += {phrase("sensor", b=block)} - {*place}
     for effect, place in places.items():
         effects.setdefault(joined(place), []).append(effect)
     known = tested(found)

@@ -33,7 +33,7 @@ class Value:
 
     The stage of a parameter is the method of its calibration; the stage of a noise coefficient is
     ``logged``, or ``before`` and ``after`` the correction of effects; the stage of a held-out
-    residual is ``after`` or ``floor``.
+    residual is ``after`` or ``floor``; the stage of a tolerance before the fit is ``prior``.
     """
 
     sensor: str
@@ -53,6 +53,8 @@ class Value:
 def long_table(device):
     """Return every `Value` of a device."""
     rows = [*calibration_values(device.calibrations), *noise_values(device)]
+    for sensor in SENSORS if "final" in device.calibrations else ():
+        rows += prior_values(device, sensor)
     return [*rows, *residual_values(device)]
 
 
@@ -74,6 +76,22 @@ def calibration_values(calibrations):
                     value = sensor.T[at]
                 si = SI[name][quantity]
                 rows.append(Value(name, stage, quantity, axis, float(value), float(std), si))
+    return rows
+
+
+def prior_values(device, sensor):
+    """Return a `Value` for each tolerance before the fit, and for the data sheet's white noise.
+
+    The value is 1 σ about the nominal one; the stage is ``prior``.
+    """
+    rows, final = [], getattr(device.calibrations["final"], sensor)
+    for parameter, (quantity, axis) in PARAMETERS.items():
+        if std := (final.prior or {"std": {}})["std"].get(parameter):
+            unit = {"bias": final.raw_unit.scale, "scale": 1 / final.raw_unit.scale}
+            std *= unit.get(quantity, 1.0)
+            rows.append(Value(sensor, "prior", quantity, axis, std, None, SI[sensor][quantity]))
+    if typical := device.data_sheet.get("noise", {}).get(sensor):
+        rows.append(Value(sensor, "prior", "N", None, typical, None, SI[sensor]["N"]))
     return rows
 
 

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from imuloop.core.errors import joined, plural
 from imuloop.core.files import replaced
 from imuloop.report import numbers
-from imuloop.report.units import data_sheet
+from imuloop.report.units import QUANTITIES, data_sheet
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 # the words for the names in result files
@@ -46,7 +46,8 @@ def environment(escape):
         lstrip_blocks=True,
     )
     made.globals |= {"phrase": phrase, "plural": plural, "WORDS": WORDS, "RESIDUALS": RESIDUALS}
-    made.filters |= {"joined": joined, "effect": effect_words, "shown": shown}
+    made.globals |= {"coefficient": numbers.coefficient_text, "QUANTITIES": QUANTITIES}
+    made.filters |= {"joined": joined, "effect": effect_words, "shown": shown, "valued": valued}
     names = ("duration", "interval_text", "number", "p_text", "percent", "with_unit")
     made.filters |= {name: getattr(numbers, name) for name in names}
     return made
@@ -55,6 +56,14 @@ def environment(escape):
 def shown(value, unit, digits=3):
     """Return an SI value as text, in the unit of data sheets for the SI `unit`."""
     return data_sheet(unit).text(value, digits)
+
+
+def valued(text):
+    """Return the text of a cell with its standard error, or its limit or tolerance, in grey."""
+    if text.startswith(("<\u202f", "±")):
+        return Markup("<small>{}</small>").format(text)
+    value, sign, error = text.partition("\u202f±")
+    return Markup("{}<small>{}</small>").format(value, sign + error) if sign else text
 
 
 def phrase(code, **values):

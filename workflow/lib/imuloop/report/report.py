@@ -64,12 +64,15 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         sections=[Markup(_section(folder)) for folder in folders if together],
         devices=devices,
         columns={sensor: comparison.columns(sensor) for sensor in SENSORS},
-        cells={sensor: [comparison.cells(d, sensor) for d in devices] for sensor in SENSORS},
+        cells={
+            sensor: comparison.placed([comparison.cells(d, sensor) for d in devices])
+            for sensor in SENSORS
+        },
         loops=[loop_picture(d["device"], d["loop"], ends) if together else None for d in devices],
         rank=comparison.verdict_rank,
         records=RECORDS,
         headers=WORDS["compared"],
-        filters=[comparison.filter_cells(d) for d in devices],
+        filters=comparison.placed([comparison.filter_cells(d) for d in devices]),
         bounded=RANGE,
         exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
         allan=allan,

@@ -10,10 +10,10 @@ from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.model.calibration import UNEXPLAINED
 from imuloop.report import tables
-from imuloop.report.advice import next_step
 from imuloop.report.comparison import summarise
 from imuloop.report.figures.attitude import attitude_finding
 from imuloop.report.figures.drawing import Picture
+from imuloop.report.figures.opening import opening_pictures
 from imuloop.report.findings import blocks, record_title
 from imuloop.report.page import RECORDS, WORDS, phrase, write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
@@ -72,7 +72,6 @@ def content(device):
     return {
         "parts": parts,
         "verdicts": verdicts,
-        "advice": next_step(device),
         "exports": listed(device.folder / "exports.json"),
         "data": tables.data_table(device),
         "basis": {sensor: WORDS["methods"][method] for sensor, method in methods.items()},
@@ -80,9 +79,11 @@ def content(device):
         "unexplained": [s for s in SENSORS if getattr(final, s).unexplained],
         "unexplained_words": UNEXPLAINED,
         "parameters": of_sensors(tables.parameter_table),
+        "misalignments": of_sensors(tables.misalignment_table),
         "model": of_sensors(tables.model_table),
         "coefficients": of_sensors(tables.coefficient_table),
         "attitude": attitude_finding(device),
+        "opening": opening_pictures(device),
         "filter": pictures(device, "attitude"),
         **{kind: pictures(device, kind) for kind in ("poses", *OF_SESSION)},
     }
@@ -94,8 +95,6 @@ def diagnosis_part(device, block):
     made += [tables.effect_table(block, effect) for effect in block["effects"]]
     if block["part"] == "reference":
         made.append(tables.set_up_table(block))
-    elif block["part"] == "static_record":
-        made.append(tables.noise_change_table(device, block["sensor"]))
     return {
         # the target of links
         "identity": f"{device.name}.{block['sensor']}.{block['part']}",
@@ -104,7 +103,7 @@ def diagnosis_part(device, block):
         "verdict": block["verdict"],
         # the sentence begins with these words
         "words": block["verdict"].replace("_", " "),
-        "sentence": phrase("verdict", b=block),
+        "sentence": phrase("verdict", b=block, short=True),
         "effects": [t for t in made if t],
         "ranking": tables.ranking_table(block),
         **{kind: make(device, block) for kind, make in OF_RECORD.items()},

@@ -12,7 +12,13 @@ from imuloop.core.units import HOUR
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.model.effect import Effect
 from imuloop.report.findings import blocks, record_title, residual_text
-from imuloop.report.long_table import PARAMETERS, calibration_values, noise_values, select
+from imuloop.report.long_table import (
+    PARAMETERS,
+    calibration_values,
+    noise_values,
+    prior_values,
+    select,
+)
 from imuloop.report.numbers import (
     NO_NUMBER,
     coefficient_text,
@@ -31,7 +37,9 @@ from imuloop.report.page import RECORDS, RESIDUALS, WORDS, effect_words
 from imuloop.report.results import UNITS, XYZ, of_axes
 from imuloop.report.units import COEFFICIENTS, QUANTITIES, data_sheet, spans
 
-NOT_ESTIMATED, BY_DEFINITION = "not estimated", "0 (by definition)"
+NOT_ESTIMATED = "not estimated"
+# the name of an effect's parameter whose last letter or digit is an axis: G01, c2x, rxy
+OF_AXIS, OF_AXES = re.compile(r"(\w+)([xyz0-2])"), re.compile(r"[A-Z][0-2][0-2]")
 # s, the length of the means whose difference over an hour is the change of a bias
 OVER = 60.0
 # status of a candidate effect, best first
@@ -42,12 +50,16 @@ NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"
 
 
 class Sized(str):
-    """Text of a cell with the number that its column is sorted by, or None."""
+    """Text of a cell with the number that its column is sorted by, or None.
 
-    def __new__(cls, text, value):
-        """Return the text with its value."""
+    A cell of a matrix has the `share` of the largest cell, −1 to 1, which is its colour.
+    """
+
+    def __new__(cls, text, value, share=None):
+        """Return the text with its value and share."""
         cell = super().__new__(cls, text)
         cell.value = None if missing(value) else f"{value:.6g}"
+        cell.share = share
         return cell
 
 
@@ -69,7 +81,7 @@ class Table:
 
 
 def parameter_table(device, sensor):
-    """Return a sensor's table of parameters, a column per method; None if none was estimated."""
+    """Return a sensor's table of bias and scale factor, a column per method; None if none was."""
     # a method that estimated nothing has no column; the page says why above the table
     methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
     if not methods:
@@ -79,7 +91,8 @@ def parameter_table(device, sensor):
         del methods[method]
     values = select(calibration_values(device.calibrations), sensor=sensor)
     values = {(v.stage, v.quantity, v.axis): v for v in values}
-    rows = [("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values()))]
+    tolerances = {(v.quantity, v.axis): v for v in prior_values(device, sensor)}
+    rows = [("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values()), NO_NUMBER)]
     for name, (quantity, axis) in PARAMETERS.items():
         display, cells = QUANTITIES[sensor][quantity], []
         for method, content in methods.items():
@@ -87,19 +100,44 @@ def parameter_table(device, sensor):
                 mark = f", {content.prior['source']}" if name in content.unimproved else ""
                 cells.append(Sized(value.text(display) + mark, value.value))
             else:
-                fixed = name[0] == "T" and {"T01", "K0"} & {*content.names}
-                cells.append(BY_DEFINITION if fixed else NOT_ESTIMATED)
-        if not {NOT_ESTIMATED, BY_DEFINITION}.issuperset(cells):
+                cells.append(NOT_ESTIMATED)
+        if quantity != "misalignment" and {*cells} != {NOT_ESTIMATED}:
+            prior = tolerances.get((quantity, axis))
+            cells.append(f"±\u202f{display.size(prior.value, 2)}" if prior else NO_NUMBER)
             rows.append((f"{WORDS['compared'][quantity]} {axis}", display.unit, *cells))
     return Table(
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
-        ("Parameter", "Unit", *(WORDS["stages"][m] for m in methods)),
+        ("Parameter", "Unit", *(WORDS["stages"][m] for m in methods), "Before"),
         rows,
         f"A bias is the mean level over the rests of this record{_after_an_hour(device, sensor)}. "
-        "Misalignment ij: how much of axis j shows on axis i. A value marked “data sheet” was "
-        "hardly improved by these data. Reduced χ² near 1: the fit is as good as the noise allows.",
+        "Before: 1 σ about the nominal value, by the data sheet or of typical MEMS. A value marked "
+        "“data sheet” was hardly improved by these data. "
+        "Reduced χ² near 1: the fit is as good as the noise allows.",
         sortable=True,
     )
+
+
+def misalignment_table(device, sensor):
+    """Return the misalignment of the final calibration as a matrix; None if it has none."""
+    values = select(calibration_values(device.calibrations), stage="final", sensor=sensor)
+    values = select(values, quantity="misalignment")
+    rows = {axis: dict.fromkeys(XYZ, NO_NUMBER) for axis in XYZ}
+    display, largest = (
+        QUANTITIES[sensor]["misalignment"],
+        max((abs(v.value) for v in values), default=0),
+    )
+    for v in values:
+        rows[v.axis[0]][v.axis[1]] = shade(v.value, v.std, largest, display)
+    note = "A column's axis shows on the row's. The colour shows the sign of a value above 2 σ."
+    title = f"{sensor.capitalize()}: misalignment ± 1 σ"
+    rows = [(f"on {axis}", *cells.values(), display.unit) for axis, cells in rows.items()]
+    return Table(title, ("Axis", *XYZ, "Unit"), rows, note) if values else None
+
+
+def shade(value, sigma, largest, display):
+    """Return a cell of a matrix, whose `largest` size is SI; below 2 σ it has no colour."""
+    share = value / largest if abs(value) > 2 * (sigma or 0.0) else 0.0
+    return Sized(with_sigma(value, sigma, display.factor), value, share)
 
 
 def _equal(one, other):
@@ -190,21 +228,6 @@ def coefficient_table(device, sensor):
     )
 
 
-def noise_change_table(device, sensor):
-    """Return the table of noise coefficients before and after the correction, or an empty list."""
-    values, rows = select(noise_values(device), sensor=sensor), []
-    for term in COEFFICIENTS:
-        display = QUANTITIES[sensor][term]
-        stages = (select(values, quantity=term, stage=s) for s in ("before", "after"))
-        cells = [f"{b.text(display)} → {a.text(display)}" for b, a in zip(*stages, strict=True)]
-        rows.append((noise_words(sensor, term), display.unit, *cells))
-    return cells and Table(
-        f"{sensor.capitalize()}, static record: noise coefficients before → after the correction",
-        ("Coefficient", "Unit", *XYZ),
-        rows,
-    )
-
-
 def steps_table(block):
     """Return the table of effects in the order they were added in, or an empty list."""
     residuals, rows = block["residuals"], []
@@ -225,21 +248,46 @@ def steps_table(block):
 
 def parameter_rows(effect):
     """Return a row for each parameter of an effect: name, value ± σ, unit as in data sheets."""
-    rows, constants = [], effect["constants"]
-    sessions, times = constants.get("sessions", ()), constants.get("times", ())
+    rows = []
     for name, value in effect["parameters"].items():
         display, sigma = data_sheet(effect["units"][name]), effect["std"].get(name)
-        # a step has its number in the name of its parameters
-        step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
-        if 0 <= step < min(len(sessions), len(times)):
-            name += f", {sessions[step]} at {duration(times[step])}"
-        rows.append((name, with_sigma(value, sigma, display.factor), display.unit))
+        text = with_sigma(value, sigma, display.factor)
+        rows.append((f"{name}{_step(effect, name)}", text, display.unit))
     return rows
+
+
+def matrix_rows(effect):
+    """Return rows of an effect's parameters, a column per axis; empty if they have no axes."""
+    values, units, largest, rows = effect["parameters"], effect["units"], {}, {}
+    if not all(map(OF_AXIS.fullmatch, values)):
+        return []
+    # values of one unit share their colours
+    for name, value in values.items():
+        largest[units[name]] = max(largest.get(units[name], 0.0), abs(value))
+    for name, value in values.items():
+        stem, axis = OF_AXIS.fullmatch(name).groups()
+        display, axis = data_sheet(units[name]), XYZ[int(axis)] if axis.isdigit() else axis
+        # the first of two axes is the sensor's
+        stem = f"{stem[:-1]}, on {XYZ[int(stem[-1])]}" if OF_AXES.fullmatch(name) else stem
+        row = rows.setdefault(stem, dict.fromkeys(XYZ, NO_NUMBER) | {"unit": display.unit})
+        row[axis] = shade(value, effect["std"].get(name), largest[units[name]], display)
+    return [(f"{stem}{_step(effect, stem)}", *cells.values()) for stem, cells in rows.items()]
+
+
+def _step(effect, name):
+    """Return session and time of the step that a parameter's name has the number of, or no text."""
+    sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
+    step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
+    known = 0 <= step < min(len(sessions), len(times))
+    return f", {sessions[step]} at {duration(times[step])}" if known else ""
 
 
 def effect_table(block, effect):
     """Return the table of parameters ± σ of an effect that was added."""
-    known, rows = Effect.library.get(effect["name"]), parameter_rows(effect)
+    known = Effect.library.get(effect["name"])
+    rows, columns = matrix_rows(effect), ("Parameter", *XYZ, "Unit")
+    if effect["name"] == TurnOnBias.name or not rows:
+        rows, columns = parameter_rows(effect), ("Parameter", "Value ± 1 σ", "Unit")
     if effect["name"] == TurnOnBias.name:
         shown = data_sheet(next(iter(effect["units"].values())))
         std, interval = TurnOnBias(**effect["constants"]).repeatability(effect["parameters"])
@@ -254,10 +302,9 @@ def effect_table(block, effect):
             "the marker to the IMU."
         )
     if constants := constants_text(effect["constants"]):
-        note = f"{note} The best of the variants that were tried: {constants}.".strip()
+        note = f"{note} The variant with the least error: {constants}.".strip()
     place = f"the {block['sensor']} ({RECORDS[block['part']]})"
-    title = f"{effect_words(effect)}, added to {place}"
-    return Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
+    return Table(f"{effect_words(effect)}, added to {place}, ± 1 σ", columns, rows, note)
 
 
 def set_up_table(block):
@@ -305,7 +352,7 @@ def ranking_table(block):
         pairs.setdefault(names, f"{' and '.join(words)} (share in common {percent(pair['share'])})")
     if pairs:
         notes.append(f"Cannot be told apart in these data: {', '.join(pairs.values())}.")
-    title = f"{record_title(block)}: candidate effects, best first"
+    title = f"{record_title(block)}: candidate effects, by status and p-value"
     heads = ("Effect", "Status", "Would be seen from")
     return Table(title, heads, rows, " ".join(notes), dense=True, sortable=True)
 

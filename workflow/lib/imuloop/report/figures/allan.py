@@ -5,7 +5,8 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.gains import term_gain
 from imuloop.report.figures.drawing import AXES, INK, Picture, fill
-from imuloop.report.numbers import coefficient_text, number
+from imuloop.report.numbers import number
+from imuloop.report.page import phrase
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import QUANTITIES
 
@@ -117,37 +118,13 @@ def allan_picture(name, session, sensor, allan, axes):
     return Picture(
         f"{name}.allan_{sensor}",
         "Allan deviation",
-        f"{session}, {sensor}: {_finding(of_axes(axes, sensor), sensor)}",
+        phrase("allan", session=session, sensor=sensor, axes=of_axes(axes, sensor)),
         plot,
         allan,
         size=(1000, 280),
         columns=(1, 1, 1),
         file=f"{session}_allan",
     )
-
-
-def _finding(axes, sensor):
-    """Return white noise, bias instability, humps and low-pass of the three axes in words."""
-    parts = []
-    for term, words in (("N", "white noise"), ("B", "bias instability")):
-        unit, found = QUANTITIES[sensor][term], [getattr(noise, term) for _, noise in axes]
-        if any(c.size is not None for c in found):
-            values = ", ".join(coefficient_text(c, unit.factor) for c in found)
-            parts.append(f"{words} {values} {unit.unit} (x, y, z)")
-    for axis, noise in axes:
-        for p in noise.gauss_markov:
-            parts.append(f"hump of a Gauss–Markov process, T = {number(p.tc.value)} s ({axis})")
-    for axis, noise in axes:
-        for p in noise.sinusoid:
-            parts.append(f"hump of a line of {number(p.frequency.value)} Hz ({axis})")
-    for axis, noise in axes:
-        if noise.low_pass:
-            corner = noise.low_pass.corner.value
-            parts.append(
-                f"the curve bends down below {number(1 / corner)} s, as a low-pass at "
-                f"{number(corner)} Hz lowers white noise ({axis})"
-            )
-    return "; ".join(parts) + "." if parts else "no noise model could be fitted."
 
 
 def corrected_pictures(device, block):

@@ -11,7 +11,7 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return the result of the validation by attitude in words, or why there is none.
+    """Return the result of the validation by attitude in words, or why it is missing.
 
     The text is empty if the diagnosis already gives that reason.
     """
@@ -50,4 +50,4 @@ def attitude_pictures(device):
 
     caption = phrase("filter", filtered=filtered, words=words)
     name = f"{device.name}.attitude_filter"
-    return [Picture(name, "Error of the vertical", caption, plot, rows, size=(440, 270))]
+    return [Picture(name, "Error of the vertical", caption, plot, rows)]

@@ -5,8 +5,16 @@ import pandas as pd
 from numpy.polynomial import Polynomial
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, Picture
-from imuloop.report.figures.time_series import clock, extremes
+from imuloop.report.figures.drawing import (
+    BLUE,
+    INK,
+    ORANGE,
+    PURPLE,
+    SMALL,
+    Picture,
+    fill,
+)
+from imuloop.report.figures.time_series import clock, extremes, steps_at
 from imuloop.report.page import phrase
 from imuloop.report.results import XYZ
 from imuloop.report.units import data_sheet
@@ -57,8 +65,7 @@ def _picture(device, session, points, block):
     if warmth is not None:
         numbers["temperature_degC"] = warmth
     unit, size = clock(t[-1])
-    # an area for all axes, or one for each; one more for the temperature
-    count, warm = 1 if after is None else 3, warmth is not None
+    warm = warmth is not None
 
     def line(area, y, colour, width=1.0, **looks):
         """Draw a series over time by its extremes."""
@@ -67,22 +74,20 @@ def _picture(device, session, points, block):
 
     def plot(areas):
         """Draw bias, floor and temperature over time."""
-        areas = areas if isinstance(areas, list) else [areas]
-        for i, (axis, colour) in enumerate(zip(XYZ, AXES, strict=True)):
-            area, old = areas[i % count], before[:, i] * display.factor
-            if after is None:
-                line(area, old, colour, label=axis)
-                area.set_ylabel(f"mean minus bias, {display.unit}")
-            else:
-                line(area, old, ORANGE, 1.4, label="before")
+        for i, (area, axis) in enumerate(zip(areas, XYZ, strict=False)):
+            words = "means" if after is None else "before"
+            line(area, before[:, i] * display.factor, ORANGE, 1.4, label=words)
+            if after is not None:
                 line(area, after[:, i] * display.factor, BLUE, label="after")
-                area.set_ylabel(f"{axis}, {display.unit}")
-        for area in areas[:count]:
             for sign in (1, -1):
                 line(area, sign * floor * display.factor, INK, ls="--", label="floor, 1 σ")
+            area.set_ylabel(f"{axis}, {display.unit}")
         if warm:
             line(areas[-1], warmth, PURPLE, 1.4)
             areas[-1].set_ylabel("°C")
+        for area in areas:
+            for at in steps_at(device, session, sensor):
+                area.axvline(at / size, color=PURPLE, ls=":", label="step")
         areas[-1].set_xlabel(f"time, {unit}")
 
     spans = [np.ptp(x, axis=0) for x in (before, after) if x is not None]
@@ -102,8 +107,8 @@ def _picture(device, session, points, block):
         caption,
         plot,
         numbers,
-        size=(440, 270 + 70 * warm + 130 * (count == 3)),
-        rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
+        size=(SMALL[0], 340 + 60 * warm),
+        rows=(2, 2, 2, *(1.4,) * warm),
     )
 
 
@@ -138,15 +143,23 @@ def temperature_pictures(device, block):
     low, high = numbers["temperature_degC"].min(), numbers["temperature_degC"].max()
     grid = np.linspace(low, high, 100)
     fitted = [curve(grid - theta0) for curve in curves]
+    spread = [numbers[f"{axis}_corrected"].std() for axis in XYZ]
 
     def plot(areas):
         """Draw the bias of each axis against temperature, with the fitted curve."""
-        for area, axis, curve in zip(areas, XYZ, fitted, strict=True):
+        for area, axis, curve, sigma in zip(areas, XYZ, fitted, spread, strict=True):
+            fill(area, grid, *(display.factor * (curve + s * sigma) for s in (-1, 1)), INK)
             for rows in sessions:
                 theta, old, new = (rows[k] for k in ("temperature_degC", axis, f"{axis}_corrected"))
                 area.plot(theta, old * display.factor, color=ORANGE, label="before")
                 area.plot(theta, new * display.factor, color=BLUE, label="after")
-            area.plot(grid, curve * display.factor, color=INK, ls="--", label="fitted curve")
+            area.plot(
+                grid,
+                curve * display.factor,
+                color=INK,
+                ls="--",
+                label="fit ± 1 σ of the rest",
+            )
             area.set_ylabel(f"{axis}, {display.unit}")
         areas[-1].set_xlabel("temperature, °C")
 
@@ -158,7 +171,7 @@ def temperature_pictures(device, block):
         high=high,
         changes=f"{changes} {display.unit}",
     )
-    name, looks = f"{device.name}.bias_temperature_{block['sensor']}", {"size": (440, 470)}
+    name, looks = f"{device.name}.bias_temperature_{block['sensor']}", {"size": (SMALL[0], 340)}
     return [
         Picture(name, "Bias against temperature", caption, plot, numbers, rows=(1,) * 3, **looks)
     ]

@@ -34,9 +34,7 @@ def allan_comparison(summaries, together):
                 caption, plot, numbers = draw(sensor, curves)
                 name, caption = f"all.comparison_allan_{channel}", f"{sensor} {axis}, {caption}."
                 caption = caption[0].upper() + caption[1:]
-                pictures.append(
-                    Picture(name, "Allan deviation", caption, plot, numbers, size=(380, 270))
-                )
+                pictures.append(Picture(name, "Allan deviation", caption, plot, numbers))
     return pictures
 
 

@@ -18,6 +18,7 @@ from pyarrow import csv
 
 from imuloop.core.files import replaced
 from imuloop.core.tables import text_cells
+from imuloop.report.figures.compact import compact
 from imuloop.report.numbers import superscript
 
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
@@ -62,8 +63,9 @@ STYLE = {
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
 # entries by which matplotlib names itself and the day
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-# the width that a picture has next to another, px
-WIDE = 500
+# size of a picture that a small screen shows whole, size of a picture next to a column of text, and
+# the width from which on a picture takes the full width of the page, px
+SMALL, BESIDE, WIDE = (356, 250), (560, 240), 600
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Picture:
     caption: str
     plot: Callable
     numbers: Mapping = field(default_factory=dict)  # columns of the CSV file
-    size: tuple = (440, 300)  # px
+    size: tuple = SMALL  # px
     columns: tuple = (1,)  # relative widths of the areas, which share their limits
     rows: tuple = (1,)  # relative heights
     file: str = ""  # of the CSV file, without .csv, if that is not the picture's own
@@ -140,13 +142,10 @@ class Picture:
 
     @property
     def inline(self):
-        """The drawing as an element of the page, in the page's colours.
-
-        Left out are the parts that a page may have only once: head, style, ids of groups.
-        """
-        svg = re.sub('<style.*?</style>|(?<=<g) id="[^"]*"', "", self.svg, flags=re.DOTALL)
+        """The drawing as an element of the page, in the page's colours."""
         alt = escape(f"{self.kind}. {self.caption}")
-        svg = f'<svg role="img" aria-label="{alt}" {svg.partition("<svg ")[2]}'
+        box = "0 0 {} {}".format(*self.size)
+        svg = f'<svg role="img" aria-label="{alt}" fill="none" viewBox="{box}">{compact(self.svg)}'
         for colour, variable in THEME.items():
             svg = svg.replace(colour, variable)
         return Markup(svg)

@@ -4,10 +4,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator
 
-from imuloop.core.files import read_json
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.core.units import DEGREE
 from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture
+from imuloop.report.figures.residuals import as_logged
 from imuloop.report.findings import BOTH, blocks, residual_names
 from imuloop.report.page import WORDS
 from imuloop.report.units import data_sheet
@@ -65,18 +63,8 @@ def loop_errors(device, found):
 
 def _as_logged(device, name):
     """Return the root mean square, SI, that a residual has as logged; None if unknown."""
-    if name == "rotation":
-        attitude = read_json(device.folder / "attitude.json")
-        if attitude["status"] == "ok":
-            return DEGREE * attitude["methods"]["rotation"]["models"]["raw"]["rms_deg"]
-    elif name == "gravity_norm":
-        table = device.poses[np.isfinite(device.poses["gravity_norm_after"])]
-        norm = np.linalg.norm(table[list(ACCELERATION)], axis=1)
-        return np.sqrt(np.mean((norm - device.calibrations["final"].gravity) ** 2))
-    elif name == "pose_rate":
-        table = device.poses[np.isfinite(device.poses["pose_rate_after"])]
-        return np.sqrt(np.mean((table[list(ANGULAR_RATE)] ** 2).sum(axis=1)))
-    return None
+    logged = as_logged(device, name)
+    return None if logged is None else float(np.sqrt(np.mean(logged**2)))
 
 
 def _multiples(error):
@@ -106,7 +94,7 @@ def draw_loop(area, errors, ends):
         area.text(0, row - 0.3, error["what"], ha="left", **looks)
         area.text(1, row - 0.3, _sizes(error), ha="right", **looks)
         area.plot([*sizes.values()], [row + 0.15] * len(sizes), color=GRID, lw=2, zorder=1)
-        area.plot([1, 1], [row - 0.15, row + 0.45], color=INK, ls=(0, (3, 2)), zorder=1)
+        area.plot([1, 1], [row, row + 0.3], color=INK, ls=(0, (3, 2)), zorder=1)
         for stage, size in sizes.items():
             _, colour, mark = STAGES[stage]
             area.plot(size, row + 0.15, mark, color=colour, mec=PAGE, mew=1, ms=9)

@@ -78,7 +78,7 @@ def pose_pictures(device):
     )
     numbers = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
     numbers["kind"] = [kind for kind, u in directions.items() for _ in u]
-    looks = {"size": (440, 240), "columns": (1, 1)}
+    looks = {"size": (356, 200), "columns": (1, 1)}
     name = f"{device.name}.poses"
     return [Picture(name, "Attitudes covered", caption, plot, numbers, **looks)]
 

@@ -1,9 +1,11 @@
-"""Residual of each pose or turn, before and after the added effects."""
+"""Residual of each pose or turn: before and after the added effects, or the calibration."""
 
 import numpy as np
+import pandas as pd
 
-from imuloop.core.samples import ACCELERATION, TEMPERATURE
-from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, Picture
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE
+from imuloop.core.units import DEGREE
+from imuloop.report.figures.drawing import BESIDE, BLUE, GREEN, INK, ORANGE, PAGE, Picture
 from imuloop.report.figures.time_series import clock
 from imuloop.report.page import WORDS, phrase
 from imuloop.report.results import XYZ
@@ -12,21 +14,41 @@ from imuloop.report.units import DEGREE_PER_SECOND, DEGREES, data_sheet
 # residuals of a move, and of a window with a reference
 OF_MOVES = ("rotation", "velocity_vertical", "velocity_horizontal")
 OF_WINDOWS = ("reference_rotation", "reference_force")
-# cosine of 30 degrees: a turn about an axis is within this angle of it
-ABOUT = 0.87
-TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), "mixed"]
+LOGGED = "as logged"
+# marks by the words of the key
+LOOKS = {
+    LOGGED: {"color": GREEN, "marker": "s", "ms": 4},
+    "before": {"color": ORANGE, "marker": "o", "ms": 4, "mfc": PAGE, "mew": 1.2},
+    "after": {"color": BLUE, "marker": "o", "ms": 4.5},
+}
 
 
 def residual_pictures(device, block):
     """Return a picture for each kind of residual of poses, moves or windows with a reference."""
-    pictures = []
-    for name in block["residuals"] if block["part"] != "static_record" else ():
-        table = device.moves if name in OF_MOVES else device.poses
-        table = device.reference if name in OF_WINDOWS else table
-        # poses on six faces are not diagnosed
-        table = table[np.isfinite(table[f"{name}_after"])]
-        pictures.append(_picture(device, name, table, block))
-    return pictures
+    names = block["residuals"] if block["part"] != "static_record" else ()
+    return [residual_picture(device, block, name) for name in names]
+
+
+def rows_of(device, name):
+    """Return the rows of poses, moves or windows that have a residual by its name."""
+    table = device.moves if name in OF_MOVES else device.poses
+    table = device.reference if name in OF_WINDOWS else table
+    # poses on six faces are not diagnosed
+    return table[np.isfinite(table[f"{name}_after"])]
+
+
+def as_logged(device, name):
+    """Return the sizes of a residual before any calibration, (n,), SI; None if not known."""
+    if name == "gravity_norm":
+        force = np.linalg.norm(rows_of(device, name)[list(ACCELERATION)], axis=1)
+        return np.abs(force - device.calibrations["final"].gravity)
+    if name == "pose_rate":
+        return np.linalg.norm(rows_of(device, name)[list(ANGULAR_RATE)], axis=1)
+    if name == "rotation":
+        turns = pd.read_parquet(device.folder / "attitude.parquet")
+        turns = turns[(turns["method"] == "rotation") & (turns["model"] == "raw")]
+        return DEGREE * turns.sort_values("t_s")["error_deg"].to_numpy() if len(turns) else None
+    return None
 
 
 def elapsed(table):
@@ -47,13 +69,11 @@ def against(name, table):
     if name in OF_MOVES:
         if name != "rotation":
             knock = table["knock_m_s"].to_numpy() * 1e3
-            found["knock_mm_s"] = "knock between two samples, mm/s", knock
+            found["knock_mm_s"] = "knock, mm/s", knock
         angle = table["angle_rad"].to_numpy() * DEGREES.factor
         speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
-        axes = table[["axis_x", "axis_y", "axis_z"]].to_numpy()
         found["angle_deg"] = "angle turned, °", angle
         found["speed_deg_s"] = "greatest speed, °/s", speed
-        found["axis"] = "about axis", np.array([turn_axis(u) for u in axes])
     elif name not in OF_WINDOWS:
         force = table[list(ACCELERATION)].to_numpy()
         up = (force / np.linalg.norm(force, axis=1)[:, None]).T
@@ -63,67 +83,79 @@ def against(name, table):
     return found
 
 
-def turn_axis(direction):
-    """Return the index among `TURN_AXES` of the axis of a turn."""
-    axis = int(np.abs(direction).argmax())
-    mixed = abs(direction[axis]) < ABOUT
-    return len(TURN_AXES) - 1 if mixed else 2 * axis + (direction[axis] <= 0)
+def draw_residuals(area, x, series, floor):
+    """Draw the residual of each pose or turn over `x`, (n,), with its floor, (n,).
 
-
-def draw_residuals(area, x, before, after, floor):
-    """Draw the residual of each pose or turn over `x`; `before` is None if the model stayed."""
+    `series` are residuals, (n,), by the words of the key. Sizes as logged, which are far larger
+    than others, need a logarithmic axis.
+    """
     order = np.argsort(x, kind="stable")
-    signed = min(np.min(e) for e in (before, after) if e is not None) < 0
+    logarithmic = LOGGED in series
+    signed = not logarithmic and min(np.min(values) for values in series.values()) < 0
     for sign in (1, -1) if signed else (1,):
         looks = {"color": INK, "ls": "--", "lw": 1, "label": "floor from noise"}
         area.plot(x[order], sign * floor[order], **looks)
-    if before is not None:
-        area.plot(x, before, "o", color=ORANGE, mfc=PAGE, mew=1.2, ms=4, label="before")
-    words = "residual" if before is None else "after"
-    area.plot(x, after, "o", color=BLUE, ms=4.5, label=words)
-    if not signed:
+    for words, values in series.items():
+        sizes = np.abs(values) if logarithmic else values
+        area.plot(x, sizes, ls="", label=words, **LOOKS.get(words, LOOKS["after"]))
+    if logarithmic:
+        area.set_yscale("log")
+    elif not signed:
         area.set_ylim(0)
 
 
-def _picture(device, name, table, block):
-    """Return the picture of one kind of residual, `name`.
+def residual_picture(device, block, name, narrow=False):
+    """Return the picture of one kind of residual, `name`, of a diagnosis.
 
-    `table` has a row per pose, move or window; `block` is the diagnosis that the residual is of.
+    A `narrow` picture has the residuals over time alone; others have them over further quantities.
     """
-    residual, changed = block["residuals"][name], bool(block["effects"])
+    residual, changed, table = (
+        block["residuals"][name],
+        bool(block["effects"]),
+        rows_of(device, name),
+    )
     display, (words, short, _) = data_sheet(residual["unit"]), WORDS["residuals"][name]
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
-    before, after, floor = (values * display.factor for values in errors.values())
+    logged = None if changed else as_logged(device, name)
+    series = {"before": errors["before"]} if changed else {}
+    # rotations may be of fewer moves than residuals
+    if logged is not None and len(logged) == len(table):
+        errors["logged"] = series[LOGGED] = logged
+    series["after" if changed else "calibrated"] = errors["after"]
+    series = {key: values * display.factor for key, values in series.items()}
+    floor = errors["floor"] * display.factor
     panels, (time, sessions) = against(name, table), elapsed(table)
     numbers = {column: table[column] for column in ("session", "pose", "start_s")} | errors
-    for key, (_, x) in panels.items():
-        numbers[key] = [TURN_AXES[i] for i in x] if key == "axis" else x
+    numbers |= {key: x for key, (_, x) in panels.items()}
+    panels = dict([*panels.items()][:1]) if narrow else panels
 
     def plot(areas):
-        """Draw the residuals against each quantity on an area of its own."""
+        """Draw the residuals against each quantity, on one area each."""
         areas = np.atleast_1d(areas)
-        for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
+        for area, (label, x) in zip(areas, panels.values(), strict=True):
             # against time, each mark has its floor; elsewhere that would jump, so draw the median
             level = floor if area is areas[0] else np.full(len(x), np.median(floor))
-            draw_residuals(area, x, before if changed else None, after, level)
+            draw_residuals(area, x, series, level)
             area.set_xlabel(label)
-            if key == "axis":
-                area.set_xlim(-0.6, len(TURN_AXES) - 0.4)
-                area.set_xticks(range(len(TURN_AXES)), [*TURN_AXES[:-1], "mix"])
         for session, start in sessions.items() if len(sessions) > 1 else ():
             at, where = start / clock(time.max())[1], areas[0].get_xaxis_transform()
             areas[0].axvline(at, color=INK, lw=0.8)
             areas[0].text(at, 0.98, f" {session}", rotation=90, va="top", transform=where)
         areas[0].set_ylabel(f"{short}, {display.unit}")
 
+    kind = f"Residuals of the {block['sensor']}"
+    if narrow:
+        caption = phrase("opening", name=name, n=len(table), words=[*series])
+        return Picture(f"{device.name}.wrong", kind, caption, plot, numbers, size=BESIDE)
+    after = errors["after"]
     worst = np.abs(after).argmax()
     thing = "turn" if name in OF_MOVES else "window" if name in OF_WINDOWS else "pose"
     place = f"{thing} {table['pose'].iloc[worst]}"
     place += f" of {table['session'].iloc[worst]}" if len(sessions) > 1 else ""
-    largest = display.text(abs(errors["after"][worst]))
+    largest = display.text(abs(after[worst]))
     caption = phrase(
         "residual", words=words, r=residual, changed=changed, largest=largest, place=place
     )
-    widths = (2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:]))
-    kind, looks = f"Residuals of the {block['sensor']}", {"size": (1000, 270), "columns": widths}
-    return Picture(f"{device.name}.{block['sensor']}_{name}", kind, caption, plot, numbers, **looks)
+    widths = (2.2, *(1,) * (len(panels) - 1))
+    name = f"{device.name}.{block['sensor']}_{name}"
+    return Picture(name, kind, caption, plot, numbers, size=(1000, 270), columns=widths)

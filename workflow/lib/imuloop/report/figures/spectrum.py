@@ -4,10 +4,8 @@ import numpy as np
 
 from imuloop.noise.gains import density
 from imuloop.report.figures.drawing import AXES, Picture, fill
-from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.page import phrase
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
-from imuloop.report.units import QUANTITIES
 
 
 def density_pictures(device, session):
@@ -43,12 +41,7 @@ def _ramp(frequency):
 def _picture(device, session, sensor, curves, spectra):
     """Return the picture of a sensor: `curves` are rows of `spectra` by axis."""
     axes = of_axes(device.axes, sensor)
-    lines = [
-        (line.frequency.value, axis, f": {line.origin}" if line.origin else "")
-        for axis, noise in axes
-        for line in noise.sinusoid
-        if line.frequency.value
-    ]
+    lines = [(line.frequency.value, axis) for axis, noise in axes for line in noise.sinusoid]
     corners = [(noise.low_pass.corner.value, axis) for axis, noise in axes if noise.low_pass]
 
     def plot(area):
@@ -58,23 +51,14 @@ def _picture(device, session, sensor, curves, spectra):
             fill(area, r["frequency_hz"], r["ci_low"], r["ci_high"], colour)
             if (r["model"] > 0).all():
                 area.loglog(r["frequency_hz"], r["model"], color=colour, ls="--", lw=1)
-            at, on_top = [f for f, a, _ in lines if a == axis], area.get_xaxis_transform()
+            at, on_top = [f for f, a in lines if f and a == axis], area.get_xaxis_transform()
             area.plot(at, [0.98] * len(at), "v", color=colour, transform=on_top)
         for corner, axis in corners:
             area.axvline(corner, color=AXES[XYZ.index(axis)], lw=1, alpha=0.6)
         area.set_xlabel("frequency, Hz")
         area.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
 
-    unit = QUANTITIES[sensor]["N"]
-    caption = phrase(
-        "density",
-        session=session.name,
-        sensor=sensor,
-        white=[coefficient_text(noise.N, unit.factor) for _, noise in axes],
-        unit=unit.unit,
-        corners=[f"{with_unit(number(f), 'Hz')} ({axis})" for f, axis in corners],
-        lines=[f"{with_unit(number(f), 'Hz')} ({axis}{origin})" for f, axis, origin in lines],
-    )
+    caption = phrase("density", session=session.name, sensor=sensor, axes=axes)
     name = f"{device.name}.{session.name}.psd_{sensor}"
     file = f"{session.name}_psd"
     return Picture(name, "Power spectral density", caption, plot, spectra, file=file)

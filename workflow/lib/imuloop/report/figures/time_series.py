@@ -8,8 +8,7 @@ import pandas as pd
 from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, STATIC
-from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, Picture
-from imuloop.report.numbers import NO_NUMBER
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, PURPLE, VERMILLION, Picture
 from imuloop.report.page import phrase
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
@@ -22,6 +21,8 @@ MEANS = 120
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
+# effect of a constant slope at rest, and the looks of its line
+RAMP, DRIFT = "ramp", {"color": PURPLE, "ls": "--", "label": "drift that was found"}
 # units of a time axis: unit, its size, s, and the least length of a record, s, to use it
 _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
@@ -72,6 +73,24 @@ def shade(area, segments, size=1.0):
         area.broken_barh(spans, (0, 1), transform=area.get_xaxis_transform(), **style)
 
 
+def steps_at(device, session, sensor):
+    """Return the times of the steps of the bias that were found in a session by its name, s."""
+    found = []
+    for record in device.diagnosis.get("sensors", {}).get(sensor, {}).values():
+        for effect in record["effects"]:
+            constants = effect["constants"]
+            places = zip(constants.get("sessions", ()), constants.get("times", ()), strict=False)
+            found += [time for name, time in places if name == session]
+    return found
+
+
+def drifts(device, sensor):
+    """Return the slope of the bias by axis, SI per s, that was found at rest; empty if none."""
+    found = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
+    slopes = [e["parameters"] for e in found.get("effects", ()) if e["name"] == RAMP]
+    return {axis: slopes[0][f"d{axis}"] for axis in XYZ} if slopes else {}
+
+
 def session_pictures(device, session):
     """Return the pictures of a session's accelerometer and gyroscope over time."""
     t = session.samples[TIME]
@@ -102,6 +121,8 @@ def _picture(device, session, sensor, t):
         # last, as it puts x in another order instead of a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
     unit, size = clock(t[-1])
+    steps = steps_at(device, session.name, sensor)
+    slopes = drifts(device, sensor) if resting else {}
 
     def line(area, axis, name, **looks):
         """Draw a line of an axis about its median."""
@@ -124,12 +145,15 @@ def _picture(device, session, sensor, t):
                 area.set_ylim(*((low, high) if low < high else (low - 1, high + 1)))
                 line(area, axis, "means", color=INK, lw=1.6, label="means")
                 area.set_ylabel(f"{axis}, {display.unit}")
+            for at in steps:
+                area.axvline(at / size, color=PURPLE, ls=":", label="step")
+            if slopes:
+                rise = slopes[axis] * (t[-1] - t[0]) / 2 * display.factor
+                area.plot([t[0] / size, t[-1] / size], [-rise, rise], **DRIFT)
 
     looks = {"size": (900, 310), "rows": (1, 1, 1)} if resting else {"size": (900, 250)}
     name = f"{device.name}.{session.name}.{sensor}"
-    caption = _caption(session, sensor) + (
-        _wander(lines["means"], middle, display) if resting else ""
-    )
+    caption = _caption(session, sensor)
     return Picture(name, "Samples over time", caption, plot, _numbers(sensor, lines), **looks)
 
 
@@ -152,14 +176,3 @@ def _caption(session, sensor):
     poses = None if session.kind == "static" else session.poses
     numbers = {"rest": session.seconds(STATIC), "poses": poses, "cut": cut}
     return phrase("series", session=session.name, sensor=sensor, **numbers)
-
-
-def _wander(means, middle, display):
-    """Return a sentence: the ranges of the means of a record at rest, and the medians."""
-    moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
-    moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
-    levels = ", ".join(display.size(m, 4) for m in middle.values())
-    return (
-        f" The plotted means vary by {moves} {display.unit} (x, y, z); the medians {levels} "
-        f"{display.unit} are subtracted."
-    )
