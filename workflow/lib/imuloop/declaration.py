@@ -61,17 +61,14 @@ def gravity_of(gravity):
     Raises an ImuloopError for a value out of its limits.
     """
     place = isinstance(gravity, Mapping)
-    if place and {*gravity} != {"latitude", "height"}:
-        raise ImuloopError(
-            f"gravity: {dict(gravity)} is not a place: give {{'latitude': degrees, 'height': m}}"
-        )
     limits = {"latitude": LATITUDES, "height": HEIGHTS} if place else {"": (WEAKEST, STRONGEST)}
-    for name, (low, high) in limits.items():
-        value = gravity[name] if place else gravity
-        if not (isinstance(value, Real) and low <= value <= high):
-            what = name or "local gravity in m/s^2"
-            raise ImuloopError(
-                f"gravity: {value!r} is not a {what}, {low:g} to {high:g}; for a place give "
-                "{'latitude': degrees, 'height': m}"
-            )
-    return normal_gravity(gravity["latitude"], gravity["height"]) if place else float(gravity)
+    values = gravity if place else {"": gravity}
+    if {*values} != {*limits} or not all(
+        isinstance(values[name], Real) and low <= values[name] <= high
+        for name, (low, high) in limits.items()
+    ):
+        raise ImuloopError(
+            f"gravity: {gravity!r} is neither {WEAKEST:g} to {STRONGEST:g} m/s^2 nor a place with "
+            "latitude, degrees, and height, m"
+        )
+    return normal_gravity(**gravity) if place else float(gravity)

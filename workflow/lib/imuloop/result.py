@@ -155,9 +155,6 @@ class Result:
 
     def describe(self, failures=True):
         """Return the calibration and the verdicts as text, with or without the rejected logs."""
-        from imuloop.report.findings import blocks
-        from imuloop.report.page import phrase
-
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
         title += f", sensor {named}:" if named else ":"
@@ -166,14 +163,7 @@ class Result:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
-        # records with the same sentence share a line: by sentence, the list of its records
-        places = {}
-        for block in blocks(self.diagnosis):
-            place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
-            places.setdefault(phrase("verdict", b=block), []).append(place)
-        lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
-        wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
-        return "\n".join(line for lines in wrapped for line in lines)
+        return "\n".join([*_wrap(lines), *verdict_lines(self.diagnosis)])
 
     def __repr__(self):
         verdicts = [
@@ -186,6 +176,27 @@ class Result:
     def _repr_html_(self):
         """Return the result as HTML, for a notebook."""
         return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
+
+
+def verdict_lines(diagnosis):
+    """Return the verdicts in a diagnosis.json in lines of text; records with one verdict share it.
+
+    `diagnosis` is the content of the file.
+    """
+    from imuloop.report.findings import blocks
+    from imuloop.report.page import phrase
+
+    places = {}
+    for block in blocks(diagnosis):
+        place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
+        places.setdefault(phrase("verdict", b=block), []).append(place)
+    return _wrap(f"  {'; '.join(where)}: {text}" for text, where in places.items())
+
+
+def _wrap(lines):
+    """Return lines of text, a list, in which none is longer than `WIDTH`."""
+    wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
+    return [part for parts in wrapped for part in parts]
 
 
 class TemporaryFolder:
