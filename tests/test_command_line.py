@@ -77,6 +77,10 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     )
     assert info(samples).startswith("samples of d, session poses, multi_position\nok: ")
     assert info(tmp_path / "quality.json").startswith("ok: ")
+    (tmp_path / "exports.json").write_text('{"sha256": {"kalibr_imu.yaml": "0a"}}')
+    assert info(tmp_path / "exports.json") == "exports.json\n  sha256.kalibr_imu.yaml  0a\n"
+    (tmp_path / "attitude.json").write_text('{"format": 1, "status": "not_testable"}')
+    assert "  status  not_testable" in info(tmp_path / "attitude.json")
     (tmp_path / "other.json").write_text('{"a": 1}')
     assert "no result of imuloop" in one_line_error(["info", tmp_path / "other.json"], capsys)
     assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)

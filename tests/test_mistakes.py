@@ -31,6 +31,7 @@ def log(tmp_path):
 IN_PYTHON = {
     "no gyroscope": ((T, F), {}, "angular_rate: none is given"),
     "no log": ((), {}, "no log is given"),
+    "no logs": (([],), {}, "no log is given"),
     "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "nor a place with"),
     "gravity as a pair": ((T, F, W), {"gravity": (9, 81)}, "gravity: (9, 81) is neither"),
     "a wrong stage": ((T, F, W), {"settings": {"segmnt": {}}}, "did you mean 'segment'"),
@@ -45,7 +46,7 @@ IN_PYTHON = {
     "a tolerance in percent": (
         (T, F, W),
         {"nominal": {"acceleration": {"tolerance": {"scale_factor": 3}}}},
-        "'scale_factor': …}}}: 3 is greater than the maximum of 0.5",
+        "'scale_factor': …}}}: 3 should be less than or equal to 0.5",
     ),
     "columns": (("PATH",), {"columns": {"acceleration": ["fx", "fy", "fz"]}}, "no column 'fx'"),
     "format": (("PATH",), {"format": "cvs"}, "'cvs' is not a format; did you mean 'csv'"),
@@ -55,25 +56,25 @@ IN_PYTHON = {
     "one array": (
         (np.arange(100),),
         {},
-        "log: an array of shape (100,) is not a log; a log is a path",
+        "log: ndarray of shape (100,) is not a log; a log is a path",
     ),
-    "no time": ((), {"acceleration": F, "angular_rate": W}, "t: none is given"),
+    "no time": ((), {"acceleration": F, "angular_rate": W}, "no time column of a usual name"),
     "ragged rows": ((T, [[1, 2, 3], [1]], W), {}, "acceleration: its rows differ in length"),
     "a column twice": (
         (pd.DataFrame(np.ones((9, 3)), columns=["t", "ax", "ax"]),),
         {},
         "two columns are named ax",
     ),
-    "temperature of a file": (("PATH",), {"temperature": T}, "temperature: goes with arrays"),
+    "temperature of a file": (("PATH",), {"temperature": T}, "log: tuple is not a log"),
     "a name that is a path": (
         (T, F, W),
         {"name": "../a"},
-        "name: '../a' is not a name (a let",
+        "name: '../a' should match pattern",
     ),
     "a setting out of its limits": (
         (T, F, W),
         {"settings": {"noise": {"significance": 2}}},
-        "settings.noise.significance: 2 is greater than or equal to the maximum",
+        "settings.noise.significance: 2 should be less than 1",
     ),
     "a file for a folder": ((T, F, W), {"folder": "PATH"}, "log.csv: a file, where a folder"),
 }
@@ -112,6 +113,8 @@ def test_what_is_read_and_applied_by_mistake(log):
     sensors = [nominal(raw(unit, 1.0), "no log") for unit in ("m/s^2", "rad/s")]
     with pytest.raises(ImuloopError, match=r"not ndarray: imuloop\.read"):
         imuloop.Calibration("d", 9.8, *sensors).apply(F)
+    with pytest.raises(ImuloopError, match=r"none\.parquet: there is no such file"):
+        imuloop.Calibration("d", 9.8, *sensors).apply_file("none.parquet", log, nominal=True)
 
 
 ON_THE_COMMAND_LINE = {
@@ -123,10 +126,11 @@ ON_THE_COMMAND_LINE = {
     "calibrate LOG --units.acceleration ms2 -o OUT": "'ms2' is not a unit; did you mean",
     "calibrate LOG": "the following arguments are required: -o/--output",
     "calibrate LOG --columns.speed v -o OUT": "unrecognized arguments: --columns.speed v",
-    "calibrate LOG --rate -5 -o OUT": "--rate: -5 is less than",
+    "calibrate LOG --rate -5 -o OUT": "--rate: -5 should be greater than 0",
     "calibrate LOG --sensor mpu9999 -o OUT": "--sensor: 'mpu9999' is not a sensor",
-    "calibrate LOG --nominal.acceleration.scale x -o OUT": "--nominal.acceleration.scale: 'x' is",
+    "calibrate LOG --nominal.acceleration.scale x -o OUT": "scale: 'x' should be a valid number",
     "calibrate LOG --units.time sec -o OUT": "--units.time: 'sec' is not a unit",
+    "noise CALIBRATION": "calibration.json: no log; imuloop info says what a result holds",
     "calibrat LOG": "invalid choice: 'calibrat'",
 }
 

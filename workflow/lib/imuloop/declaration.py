@@ -15,7 +15,7 @@ KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
 
 
 def check_declared(keys, name="device", settings=None):
-    """Raise an ImuloopError for the first fault of declared keys, by the check of a config.
+    """Return declared keys as plain data; raise an ImuloopError for the first fault in a config.
 
     Parameters
     ----------
@@ -26,10 +26,10 @@ def check_declared(keys, name="device", settings=None):
     settings : mapping, optional
         Settings of the stages by their name.
     """
-    given = {key: value for key, value in keys.items() if value is not None}
-    if not (given or settings or name != "device"):
+    declared = {key: plain(value) for key, value in keys.items() if value is not None}
+    if not (declared or settings or name != "device"):
         # nothing is declared: the model, which takes long to import, is not needed
-        return
+        return declared
     from imuloop.config import STAGES
     from imuloop.config_faults import device_faults
 
@@ -38,10 +38,10 @@ def check_declared(keys, name="device", settings=None):
     stages = plain(settings or {})
     for stage in {*stages} - {*STAGES}:
         raise ImuloopError(f"settings: '{stage}' is not a stage{nearest(str(stage), STAGES)}")
-    for key, text in device_faults(name, plain(given) | stages):
-        where = ("settings", *key) if key[0] in STAGES else key
-        path = for_reader(".".join(map(str, where)))
+    for key, text in device_faults(name, declared | stages):
+        path = for_reader(".".join(map(str, ("settings", *key) if key[0] in STAGES else key)))
         raise ImuloopError(f"{path}: {for_reader(text)}")
+    return declared
 
 
 def plain(value):

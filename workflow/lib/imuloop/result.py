@@ -18,7 +18,7 @@ from urllib.parse import quote
 import imuloop
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json, replaced
+from imuloop.core.files import make_folder, read_json, replaced
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.model.calibration import Calibration
@@ -129,8 +129,8 @@ class Result:
 
     def export(self, folder) -> list:
         """Write files with the calibration for other tools into a folder; return their paths."""
+        make_folder(folder)
         chain.export(self.device)
-        Path(folder).mkdir(parents=True, exist_ok=True)
         sources = sorted(self.device.file("exports").iterdir())
         targets = [Path(folder) / source.name for source in sources]
         for source, target in zip(sources, targets, strict=True):
@@ -140,6 +140,7 @@ class Result:
 
     def save(self, folder) -> Path:
         """Copy the result's files into a folder, for `imuloop.load`; return the folder's path."""
+        make_folder(folder)
         if Path(folder).resolve() != self.device.folder.resolve():
             shutil.copytree(self.device.folder, folder, dirs_exist_ok=True)
         return Path(folder)

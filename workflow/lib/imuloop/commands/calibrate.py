@@ -101,7 +101,7 @@ def results_folder(folder, option, arguments, more=()):
     `option` names the folder in messages, and `more` are other paths that will be written.
     """
     for _, log in arguments.logs:
-        log.refuse_missing()
+        log.refuse_no_log()
     read = [path for _, log in arguments.logs for path in log.paths]
     refuse_overwriting([*more, folder], [*read, *filter(None, [arguments.prior])])
     for name, mark in (("figures", "section.html"), ("exports", "exports.json")):

@@ -66,7 +66,7 @@ def run(arguments):
             [path] = log.paths
             path.touch()
             threading.Thread(target=_copy, args=(sys.stdin.buffer, path), daemon=True).start()
-        log.refuse_missing()
+        log.refuse_no_log()
         return follow(log, arguments, Path(folder))
 
 

@@ -12,6 +12,7 @@ from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.ingest.formats import PAIR, guess_format, no_log
 from imuloop.ingest.ingest import Declared, ingest
+from imuloop.ingest.json_lines import holds_log
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.sensors import PARTS, device_figures
@@ -46,11 +47,13 @@ class Log:
     def __str__(self):
         return " and ".join(map(str, self.paths))
 
-    def refuse_missing(self):
-        """Raise an ImuloopError if a file does not exist."""
+    def refuse_no_log(self):
+        """Raise an ImuloopError if a file does not exist, or is a JSON document as results are."""
         for path in self.paths:
             if not path.exists():
                 raise ImuloopError(f"{path}: there is no such file")
+            if path.suffix == ".json" and path.is_file() and not holds_log(path):
+                raise ImuloopError(f"{path}: no log; imuloop info says what a result holds")
 
     def samples_path(self):
         """Return the path of the log if it is a samples.parquet of ingest, else None."""
@@ -84,7 +87,7 @@ def write_samples(log, declared, folder, calibration=None):
     keys of a config. What they do not say is taken from the log of the calibration, if one is
     given: its units and columns.
     """
-    log.refuse_missing()
+    log.refuse_no_log()
     if path := log.samples_path():
         beside = path.with_name("quality.json")
         return path, read_json(beside) if beside.is_file() else {}
