@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from imuloop import chain
+from imuloop.config import OF_LOGS, known_figures
 from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
 from imuloop.core.files import make_folder, refuse_overwriting
 from imuloop.core.samples import TIME, read_samples
@@ -21,11 +22,8 @@ from imuloop.declaration import KEYS, check_declared, gravity_of
 from imuloop.in_memory import ARRAYS, FILE, log_of
 from imuloop.ingest.places import PYTHON, read_in
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder
-from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
-# declared keys that say something of the sensor
-OF_SENSOR = ("sensor", "range", "nominal")
 # types that `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
 
@@ -117,7 +115,6 @@ def calibrate(
     declared |= {"sensor": sensor, "range": range, "nominal": nominal}
     with read_in(PYTHON):
         declared = check_declared(declared, name, settings)
-    figures = device_figures(*(declared.pop(key, None) for key in OF_SENSOR))
     if folder:
         make_folder(folder)
     kept = folder or TemporaryFolder()
@@ -129,7 +126,7 @@ def calibrate(
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
         gravity=gravity_of(gravity),
-        **figures,
+        **known_figures(declared),
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
@@ -182,9 +179,8 @@ def read(log, **declared) -> pd.DataFrame:
     with read_in(PYTHON):
         declared = check_declared(declared)
     log = log_of(log, declared.get("columns"))
-    figures = device_figures(*(declared.pop(key, None) for key in OF_SENSOR))
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        device = chain.Device("log", Path(folder), {"log": None}, **figures)
+        device = chain.Device("log", Path(folder), {"log": None}, **known_figures(declared))
         _ingest(device, "log", log, declared)
         result = Result(device)
         for failure in result.failures:
@@ -222,7 +218,8 @@ def _ingest(device, session, log, declared):
             part.to_parquet(paths[-1], index=False)
             sources[role] = {"path": IN_MEMORY}
     try:
-        chain.ingest(device, session, declared | {"sources": sources}, paths)
+        of_log = {key: declared[key] for key in OF_LOGS if key in declared}
+        chain.ingest(device, session, of_log | {"sources": sources}, paths)
     except ImuloopError as error:
         # the message of the stage names device and session, too; the name of the file is enough. A
         # log in memory is called by its session, not by the file that was written here

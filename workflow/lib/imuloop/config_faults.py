@@ -5,13 +5,12 @@ from dataclasses import fields
 from itertools import product
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.config_keys import BRANCH, is_branch
 from imuloop.config_model import Config, Device
-from imuloop.config_text import LOADER, read_keys
+from imuloop.config_text import read_keys
 from imuloop.core.errors import nearest, one_line
 from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 
@@ -32,45 +31,25 @@ def config_faults(config, files, replicas, mirror=None):
     mirror : str, optional
         Folder named by the environment variable IMULOOP_MIRROR.
     """
-    config, contents, places, found = without_dates(config), {}, {}, {}
+    config, lines, faults = without_dates(config), {}, {}
     for name, path in files.items():
-        text = Path(path).read_text(encoding="utf-8")
-        contents[name] = without_dates(yaml.load(text, LOADER)) or {}
-        places[name], faults = read_keys(text)
-        found |= {key: (name, fault) for key, fault in faults.items()}
-    for key, fault in _model_faults(config, replicas):
-        # the fault is in the file that holds the longest part of the key's path, the last such one
-        depths = {name: _depth(contents[name], key) for name in reversed(contents)}
-        found.setdefault(key, (max(depths, key=depths.get, default="config"), fault))
-    lines = []
-    for key, (name, fault) in found.items():
-        # if a key is missing, the line is that of the mapping that needs it
-        above = (key[:depth] for depth in range(len(key), 0, -1))
-        line = next((places[name][k] for k in above if k in places.get(name, ())), None)
-        place = f"{name} line {line}" if line else name
-        lines.append(one_line(f"{place}: {'.'.join(map(str, key))}: {fault}"))
-    if mirror and not Path(mirror).is_dir():
-        lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
-    return lines
-
-
-def _depth(content, key):
-    """Return the number of parts of a key, from the first on, that exist in nested mappings."""
-    for depth, part in enumerate(key):
-        try:
-            content = content[part]
-        except (LookupError, TypeError):
-            return depth
-    return len(key)
-
-
-def _model_faults(config, replicas):
-    """Yield (key, text) for each fault that the model finds, with the key where it was written."""
+        of_keys, of_text = read_keys(Path(path).read_text(encoding="utf-8"))
+        # of a key in several files the last one counts
+        lines |= {key: f"{name} line {line}" for key, line in of_keys.items()}
+        faults |= of_text
     merged = config
     if isinstance(config.get("devices"), dict) and isinstance(config.get("defaults", {}), dict):
         merged = {**config, "devices": merged_devices(config)}
     for key, text in _validation_faults(merged, context={"replicas": replicas}):
-        yield _where_written(config, key), text
+        faults.setdefault(_where_written(lines, key), text)
+    whole = next(iter(files), "config")
+    # if a key is missing, the line is that of the mapping that needs it
+    above = {key: [key[:depth] for depth in range(len(key), 0, -1)] for key in faults}
+    places = {key: next((lines[k] for k in above[key] if k in lines), whole) for key in faults}
+    found = [f"{places[key]}: {'.'.join(map(str, key))}: {text}" for key, text in faults.items()]
+    if mirror and not Path(mirror).is_dir():
+        found.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
+    return [*map(one_line, found)]
 
 
 def _validation_faults(config, context=None):
@@ -81,8 +60,7 @@ def _validation_faults(config, context=None):
         for each in error.errors():
             # pydantic also names the alternative of a value with several types, which is not a key
             key = tuple(part for part in each["loc"] if not is_branch(part))
-            if text := _describe(each, key):
-                yield key, text
+            yield key, _describe(each, key)
 
 
 def device_faults(name, device):
@@ -96,17 +74,18 @@ def device_faults(name, device):
         yield key[2:] or ("name",), text
 
 
-def _where_written(config, key):
+def _where_written(written, key):
     """Return the key in the config at which a key of a device with its defaults was written.
 
-    The key may be written there, at the device of a session, or in the defaults.
+    The key may be written there, at the device of a session, or in the defaults. `written` are all
+    keys of the config.
     """
-    if len(key) < 3 or key[0] != "devices" or _depth(config, key) == len(key):
+    if key in written or len(key) < 3 or key[0] != "devices":
         return key
     places = [("defaults", *key[2:])]
     if key[2] == "sessions" and key[4:5] and key[4] in OF_LOGS:
         places += [key[:2] + key[4:], ("defaults", *key[4:])]
-    return next((place for place in places if _depth(config, place) == len(place)), key)
+    return next((place for place in places if place in written), key)
 
 
 def _describe(error, key):

@@ -37,14 +37,8 @@ def add_logs(command):
         nargs="+",
         type=_read_log,
         metavar="[KIND=]LOG",
-        help=f"KIND is {', '.join(KINDS)}; a log in two files, one per sensor, is "
-        "acceleration=FILE,angular_rate=FILE",
-    )
-    command.add_argument(
-        "--kind",
-        choices=KINDS,
-        default=KINDS[0],
-        help=f"kind of logs without; default {KINDS[0]}",
+        help=f"KIND is {', '.join(KINDS)}, by default the first; a log in two files, one per "
+        "sensor, is acceleration=FILE,angular_rate=FILE",
     )
     command.add_argument("--label", help="name in the report; default: the name of the first log")
     command.add_argument(
@@ -57,9 +51,9 @@ def add_logs(command):
 
 
 def _read_log(text):
-    """Return kind and Log of an argument ``static=night.csv``; the kind is None if not given."""
+    """Return kind and Log of an argument ``static=night.csv``; without one, the first kind."""
     kind, _, rest = text.partition("=")
-    return (kind, Log.parse(rest)) if kind in KINDS and rest else (None, Log.parse(text))
+    return (kind, Log.parse(rest)) if kind in KINDS and rest else (KINDS[0], Log.parse(text))
 
 
 def run(arguments):
@@ -119,7 +113,7 @@ def calibrated(arguments, folder):
     for kind, log in arguments.logs:
         if path := log.samples_path():
             raise ImuloopError(f"{path}: samples of a run; give the raw log that they are from")
-        logs[kind or arguments.kind].append(log.files.get("log", log.files))
+        logs[kind].append(log.files.get("log", log.files))
     with warnings.catch_warnings():
         # they are of numbers at their limits; failures and notes are in the result
         warnings.simplefilter("ignore")

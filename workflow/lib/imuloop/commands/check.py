@@ -44,16 +44,6 @@ def add(command):
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
     command.add_argument("log", type=Log.parse, help=f"new log of the same device: {LOG}")
     command.add_argument(
-        "--kind",
-        choices=("multi_position", "six_position", "static"),
-        help="default: poses if the log has two or more attitudes, else static",
-    )
-    command.add_argument(
-        "--noise",
-        type=Path,
-        help="noise.json; default: in the folder of the calibration, else from the log",
-    )
-    command.add_argument(
         "--turn-on",
         type=between(0, 1e3, 2),
         metavar="M/S^2,RAD/S",
@@ -82,7 +72,7 @@ def run(arguments):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
     refuse_swapped(path, log)
     calibration = Calibration.from_json(path)
-    noise_path = arguments.noise or path.with_name("noise.json")
+    noise_path = path.with_name("noise.json")
     read = [path, *log.paths, noise_path, log.paths[0].with_name("quality.json")]
     refuse_overwriting(filter(None, [arguments.json, output]), read)
     samples, metadata, _ = read_log(log, arguments.declared, calibration)
@@ -91,14 +81,12 @@ def run(arguments):
             f"{log}: the calibration is from this log (the same SHA-256), so it shows no drift: "
             "give a later log"
         )
-    kind = arguments.kind or "multi_position"
-    segments, poses = find_segments(samples, metadata, kind)
-    if not arguments.kind and poses < 2:
-        kind = "static"
-        segments, _ = find_segments(samples, metadata, kind)
+    kind, (segments, poses) = "multi_position", find_segments(samples, metadata, "multi_position")
+    if poses < 2:
+        kind, (segments, _) = "static", find_segments(samples, metadata, "static")
     longest, rails = CalibrateSettings().longest_rotation, metadata.get("rails", {})
     recording = record([samples], [segments], longest, [rails])
-    if arguments.noise or noise_path.is_file():
+    if noise_path.is_file():
         noise, source = read_noise(noise_path), f"of {noise_path}"
     else:
         session = RecordedSession(log.name, kind, samples, segments)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from imuloop.config import merge
+from imuloop.config import OF_LOGS, known_figures, merge
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata, read_samples
@@ -15,7 +15,7 @@ from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.json_lines import holds_log
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.sensors import PARTS, device_figures
+from imuloop.sensors import PARTS
 
 # how a log is given
 LOG = "LOG or acceleration=FILE,angular_rate=FILE"
@@ -75,11 +75,6 @@ def refuse_swapped(calibration, log):
         raise ImuloopError(f"{calibration}: no calibration.json: it comes first, then the log")
 
 
-def figures_of(declared):
-    """Return what `device_figures` gives for the sensor in declared keys."""
-    return device_figures(*map(declared.get, ("sensor", "range", "nominal")))
-
-
 def write_samples(log, declared, folder, calibration=None):
     """Return the path of the samples of a log, and the content of its quality.json, if any.
 
@@ -92,7 +87,7 @@ def write_samples(log, declared, folder, calibration=None):
         beside = path.with_name("quality.json")
         return path, read_json(beside) if beside.is_file() else {}
     samples, quality = folder / "samples.parquet", folder / "quality.json"
-    known, figures = calibration.log if calibration else {}, figures_of(declared)
+    known, figures = calibration.log if calibration else {}, known_figures(declared)
     parts = PARTS.items() if calibration else ()
     raw = {quantity: getattr(calibration, sensor).raw_unit for quantity, sensor in parts}
     counts = {quantity: {"scale": u.scale, "offset": u.offset} for quantity, u in raw.items()}
@@ -113,7 +108,7 @@ def write_samples(log, declared, folder, calibration=None):
             declared=Declared(
                 nominal=merge(counts, figures["nominal"]),
                 full_scale=known.get("full_scale", {}) | figures["full_scale"],
-                **{key: keys[key] for key in ("format", "rate", "units", "columns") if key in keys},
+                **{key: keys[key] for key in OF_LOGS if key in keys},
             ),
         )
         return samples, read_json(quality)

@@ -15,8 +15,9 @@ import pandas as pd
 
 from imuloop.commands.info import noise_lines
 from imuloop.commands.lines import say
-from imuloop.commands.logs import LOG, Log, figures_of, find_segments, read_log
+from imuloop.commands.logs import LOG, Log, find_segments, read_log
 from imuloop.commands.options import add_arguments
+from imuloop.config import known_figures
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.segments import MOTION
@@ -56,7 +57,7 @@ def run(arguments):
     estimate = estimate_noise(log.name, [session], NoiseSettings(), views=False)
     if estimate.rate_hz is None:
         raise ImuloopError(f"{log}: {'; '.join(estimate.notes)}")
-    say(*noise_lines(estimate.to_dict(), figures_of(arguments.declared)["data_sheet"]))
+    say(*noise_lines(estimate.to_dict(), known_figures(arguments.declared)["data_sheet"]))
     say(*(f"warning: {w}" for w in quality.get("warnings", ())))
     if folder:
         folder.mkdir(parents=True, exist_ok=True)
