@@ -45,7 +45,7 @@ SESSION = """
     kind: static, file: data/none.csv
     file: there is no file data/none.csv
     kind: static, file: data/simulated/iphone6/static.parquet
-    file: there is no replica 'iphone6'; did you mean 'iphone_6'?
+    file: there is no replica 'iphone6/static'; did you mean 'iphone_6/static'?
     kind: static, file: {url: 'https://a/b.csv', sha256: abc}
     file.sha256: 'abc' should match pattern '^[0-9a-f]{64}$'
     units: {acceleration: count}

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from numbers import Real
-from os import PathLike, fspath
-
-import numpy as np
 
 from imuloop.core.errors import ImuloopError, nearest
+from imuloop.core.files import plain
 from imuloop.ingest.places import for_reader
 from imuloop.local_gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 
@@ -35,24 +33,13 @@ def check_declared(keys, name="device", settings=None):
 
     if not isinstance(settings or {}, Mapping):
         raise ImuloopError(f"settings: {settings!r} is not a mapping")
-    stages = plain(settings or {})
+    stages = plain(dict(settings or {}))
     for stage in {*stages} - {*STAGES}:
         raise ImuloopError(f"settings: '{stage}' is not a stage{nearest(str(stage), STAGES)}")
     for key, text in device_faults(name, declared | stages):
         path = for_reader(".".join(map(str, ("settings", *key) if key[0] in STAGES else key)))
         raise ImuloopError(f"{path}: {for_reader(text)}")
     return declared
-
-
-def plain(value):
-    """Return a value with types of YAML: NumPy scalars, tuples and paths are converted."""
-    if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(each) for each in value]
-    if isinstance(value, PathLike):
-        return fspath(value)
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def gravity_of(gravity):
