@@ -130,7 +130,7 @@ ON_THE_COMMAND_LINE = {
     "calibrate LOG --sensor mpu9999 -o OUT": "--sensor: 'mpu9999' is not a sensor",
     "calibrate LOG --nominal.acceleration.scale x -o OUT": "scale: 'x' should be a valid number",
     "calibrate LOG --units.time sec -o OUT": "--units.time: 'sec' is not a unit",
-    "noise CALIBRATION": "calibration.json: no log; imuloop info says what a result holds",
+    "noise CALIBRATION": "calibration.json: not a log; imuloop info describes results",
     "calibrat LOG": "invalid choice: 'calibrat'",
 }
 

@@ -138,7 +138,11 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return what `device_figures` gives for a device of the config, scales and tolerances."""
+    """Return the scales, full scales, tolerances and noise of a device, dicts by name.
+
+    `device` has the keys ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a config; a key
+    may be absent.
+    """
     return device_figures(*(device.get(k) for k in ("sensor", "range", "nominal", "full_scale")))
 
 

@@ -43,7 +43,7 @@ def config_faults(config, files, replicas, mirror=None):
     for key, text in _validation_faults(merged, context={"replicas": replicas}):
         faults.setdefault(_where_written(lines, key), text)
     whole = next(iter(files), "config")
-    # if a key is missing, the line is that of the mapping that needs it
+    # the line of a missing key is the line of the mapping that needs it
     above = {key: [key[:depth] for depth in range(len(key), 0, -1)] for key in faults}
     places = {key: next((lines[k] for k in above[key] if k in lines), whole) for key in faults}
     found = [f"{places[key]}: {'.'.join(map(str, key))}: {text}" for key, text in faults.items()]

@@ -29,9 +29,9 @@ def either(by=kind_of, **types):
 
 
 def is_branch(part):
-    """Return whether a part of the path in an error of pydantic is no key of the config.
+    """Return whether a part of the path in an error of pydantic names a branch, not a key.
 
-    Then it names a branch: an alternative of a value that may have several types.
+    A branch is an alternative of a value that may have several types.
     """
     return part == "[key]" or str(part).startswith(BRANCH)
 

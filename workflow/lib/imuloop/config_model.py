@@ -353,7 +353,7 @@ class Section(Keys):
 
 
 def _check_time_range(limits):
-    """Return the limits of a time range; raise a ValueError if they are no range."""
+    """Return the limits of a time range; raise a ValueError if the start is not before the end."""
     times = [datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits]
     try:
         if None not in times and times[0] >= times[1]:

@@ -1,4 +1,4 @@
-"""Faults of a config's text: it is no YAML, or YAML reads it otherwise than the user means it.
+"""Faults of a config's text: invalid YAML, and text that YAML reads otherwise than intended.
 
 The latter are keys given twice, and values that YAML 1.1 takes for another type: 1e-3, on,
 12:30:00, 007.
@@ -27,7 +27,7 @@ _NO_NAME = r"(?i)bool (true|false)|null .*"
 
 
 def unreadable(path):
-    """Return why a file holds no config, a line of text with its path; None if it holds one."""
+    """Return a line with the reason if a file does not hold a config, else None."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -76,7 +76,7 @@ def run(arguments):
 def offset_in_time(calibration):
     """Return the offset of the gyroscope's stamps, s, found with a reference, else 0.
 
-    `calibration` is the path of calibration.json; the offset is in the diagnosis.json beside it.
+    `calibration` is the path of calibration.json; the offset is in the diagnosis.json next to it.
     """
     diagnosis = calibration.with_name("diagnosis.json")
     if not diagnosis.is_file():

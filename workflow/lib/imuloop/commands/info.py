@@ -1,4 +1,4 @@
-"""``imuloop info``: say what a file is.
+"""``imuloop info``: describe a log or a result.
 
 For example:
   imuloop info results/my_imu/calibration.json
@@ -43,7 +43,7 @@ def add(command):
 
 def run(arguments):
     """Print the content of a file; return 1 for a log that is rejected."""
-    # a log of two files is no result
+    # a log of two files cannot be a result
     path = arguments.file.files.get("log", Path())
     suffix = path.suffix if path.is_file() else ""
     if suffix == ".json" and not holds_log(path):

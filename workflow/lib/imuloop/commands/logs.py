@@ -53,7 +53,7 @@ class Log:
             if not path.exists():
                 raise ImuloopError(f"{path}: there is no such file")
             if path.suffix == ".json" and path.is_file() and not holds_log(path):
-                raise ImuloopError(f"{path}: no log; imuloop info says what a result holds")
+                raise ImuloopError(f"{path}: not a log; imuloop info describes results")
 
     def samples_path(self):
         """Return the path of the log if it is a samples.parquet of ingest, else None."""
@@ -129,7 +129,7 @@ def read_log(log, declared, calibration=None):
 
 
 def find_segments(samples, metadata, kind):
-    """Return the segments of a log and the number of its poses; the motion is that of a `kind`."""
+    """Return the segments of a log as of a session of a `kind`, and the number of its poses."""
     faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
     segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)
     return segments, figures["poses"]

@@ -30,7 +30,7 @@ GRAVITY = {
 
 
 def add_arguments(command, gravity=""):
-    """Add the keys of a log, and those of gravity if `gravity` says what its default is."""
+    """Add the keys of a log, and those of gravity if `gravity` is the text on its default."""
     group = command.add_argument_group(
         "keys as in a config", "columns by name or, in a log without header, by number from 0"
     )

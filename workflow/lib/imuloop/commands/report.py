@@ -5,7 +5,7 @@ For example:
   imuloop report multi_position=poses.csv static=night.csv -o report.html --keep results
 
 Runs all stages on the logs of one device, with default settings. For several devices, for other
-settings, or to repeat only what has changed, write a config and use the workflow.
+settings, or to repeat only stages that have changed, write a config and use the workflow.
 """
 
 import shlex
