@@ -7,7 +7,6 @@ The latter are keys given twice, and values that YAML 1.1 takes for another type
 import json
 import re
 import sys
-from pathlib import Path
 
 import yaml
 
@@ -29,7 +28,9 @@ _NO_NAME = r"(?i)bool (true|false)|null .*"
 def unreadable(path):
     """Return a line with the reason if a file does not hold a config, else None."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        # from a file, not its text, PyYAML tells the name with the line
+        with open(path, encoding="utf-8") as file:
+            content = yaml.safe_load(file)
     except FileNotFoundError:
         return f"{path}: there is no such file here; write one, or name one with --configfile"
     except Exception as error:
