@@ -1,11 +1,13 @@
 """The config's schema and the table of its keys: ``make settings`` writes both from the models."""
 
+import inspect
+import re
 from pathlib import Path
 
 import yaml
 
+from imuloop import config_model
 from imuloop.config import STAGES
-from imuloop.config_model import Config
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
@@ -22,9 +24,23 @@ A key with – is needed. Limits: `workflow/schemas/config.schema.yaml`.
 def schema():
     """Return the JSON schema of a config as text, YAML."""
     made = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    made |= _plain(Config.model_json_schema())
+    made |= _plain(config_model.Config.model_json_schema())
+    for name, model in [(None, made), *made["$defs"].items()]:
+        _describe(model, getattr(config_model, name or "Config", None))
     options = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None, "width": 100}
     return f"# made by `make settings` from imuloop.config_model\n{yaml.safe_dump(made, **options)}"
+
+
+def _describe(schema, model):
+    """Add the meanings of keys, from the Attributes in the docstring of their model, to a schema.
+
+    Their units and limits are in the models of the stages' settings, which have no Attributes.
+    """
+    summary, _, text = inspect.cleandoc(model.__doc__).partition("\n\nAttributes\n----------\n")
+    schema["description"] = summary
+    for key, words in re.findall(r"^(\w+)\n((?: +.*\n?)+)", text, re.M):
+        meaning = {"description": " ".join(words.split()).removesuffix(".")}
+        schema["properties"][key] = meaning | schema["properties"][key]
 
 
 def _plain(node):

@@ -58,9 +58,10 @@ def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
     log = np.column_stack([np.arange(300) * 10, raw, np.full(300, 300.0)])
     pd.DataFrame(log, columns=names).to_csv(tmp_path / "log.csv", index=False)
     arguments = ["apply", str(calibration), str(tmp_path / "log.csv")]
-    arguments += ["-o", str(tmp_path / "out.csv"), "--time-unit", "ms", "--temperature-unit", "K"]
-    arguments += ["--acceleration-unit", "g", "--angular-rate-unit", "rad/s", "--columns"]
-    arguments += ["time=stamp", "acceleration=fx,fy,fz", "angular_rate=p,q,r", "temperature=T"]
+    arguments += ["-o", str(tmp_path / "out.csv"), "--units.time", "ms", "--units.temperature", "K"]
+    arguments += ["--units.acceleration", "g", "--units.angular_rate", "rad/s"]
+    arguments += ["--columns.time=stamp", "--columns.acceleration=fx,fy,fz"]
+    arguments += ["--columns.angular_rate=p,q,r", "--columns.temperature=T"]
     assert main(arguments) == 0
     got = pd.read_csv(tmp_path / "out.csv")
     np.testing.assert_allclose(got["t"], np.arange(300) / 100, atol=1e-12)

@@ -196,8 +196,8 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     got = pd.read_parquet(out)
     np.testing.assert_allclose(got[["t", *CHANNELS]], expected[["t", *CHANNELS]], atol=1e-9)
     # as with options, drift or none
-    options = [f"{q}={c if q == 'time' else ','.join(c)}" for q, c in columns.items()]
-    options = ["--time-unit", "ms", "--acceleration-unit", "g", "--columns", *options]
+    options = [f"--columns.{q}={c if q == 'time' else ','.join(c)}" for q, c in columns.items()]
+    options = ["--units.time", "ms", "--units.acceleration", "g", *options]
     capsys.readouterr()
     found = {}
     for more in ((), options):
@@ -207,7 +207,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     # another layout is read as before, and declarations go first
     (logs[1] / ([1] + 3 * [9.80665] + 3 * [1])).to_csv(tmp_path / "usual.csv", index=False)
     own(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
-    for name, *more in (["usual.csv"], ["said.csv", "--columns", "angular_rate=wx,q,r"]):
+    for name, *more in (["usual.csv"], ["said.csv", "--columns.angular_rate=wx,q,r"]):
         assert main(["apply", str(path), str(tmp_path / name), "-o", str(out), *more]) == 0
         got = pd.read_parquet(out)
         np.testing.assert_allclose(got[list(CHANNELS)], expected[list(CHANNELS)], atol=1e-9)

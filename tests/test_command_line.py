@@ -25,8 +25,8 @@ from ingest.logs import brief
         ["nothing"],
         ["check", "c.json", "log.csv", "--turn-on", "1"],
         ["check", "c.json", "log.csv", "--level", "5"],
-        ["apply", "c.json", "log.csv", "-o", "out.csv", "--columns", "speed=v"],
-        ["apply", "c.json", "log.csv", "-o", "out.csv", "--counts", "acceleration=a"],
+        ["apply", "c.json", "log.csv", "-o", "out.csv", "--columns.speed", "v"],
+        ["apply", "c.json", "log.csv", "-o", "out.csv", "--nominal.acceleration.scale", "a"],
         ["check", "c.json", "log.csv", "--gravity", "nan"],
         ["report", "log.csv", "-o", "r.html", "--gravity", "0"],
         ["report", "log.csv"],
@@ -77,6 +77,10 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     )
     assert info(samples).startswith("samples of d, session poses, multi_position\nok: ")
     assert info(tmp_path / "quality.json").startswith("ok: ")
+    (tmp_path / "exports.json").write_text('{"sha256": {"kalibr_imu.yaml": "0a"}}')
+    assert info(tmp_path / "exports.json") == "exports.json\n  sha256.kalibr_imu.yaml  0a\n"
+    (tmp_path / "attitude.json").write_text('{"format": 1, "status": "not_testable"}')
+    assert "  status  not_testable" in info(tmp_path / "attitude.json")
     (tmp_path / "other.json").write_text('{"a": 1}')
     assert "no result of imuloop" in one_line_error(["info", tmp_path / "other.json"], capsys)
     assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
@@ -161,8 +165,7 @@ def test_what_a_terminal_would_obey_is_not_printed(tmp_path, capsys):
     hostile = tmp_path / "a\x1b[31m\r\x07.csv"
     rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
     hostile.write_text(f"t,ax,ay,az,gx,gy,\x1b[31mgz\n{rows}\n")
-    columns = "angular_rate=gx,gy,\x1b[31mgz"
-    assert main(["info", str(hostile), "--columns", columns]) == 1
+    assert main(["info", str(hostile), "--columns.angular_rate", "gx,gy,\x1b[31mgz"]) == 1
     out = capsys.readouterr().out
     assert "a?[31m" in out and all(line.isprintable() for line in out.splitlines())
 
@@ -218,14 +221,14 @@ def test_a_stream_is_named_as_in_the_config(tmp_path, capsys):
     values = {"t": np.arange(600)[:, None] / 100}
     values |= {n: c + 0.02 * rng.normal(size=(600, 3)) for n, c in (("f", [0, 0, 9.8]), ("v", 0))}
     savemat(tmp_path / "log.mat", values | {"w": values["v"] + 1})
-    log, named = str(tmp_path / "log.mat"), ["acceleration=f", "angular_rate=v"]
-    assert main(["info", log, "--columns", *named, "time=null", "--rate", "50"]) == 0
+    log, named = str(tmp_path / "log.mat"), ["--columns.acceleration=f", "--columns.angular_rate=v"]
+    assert main(["info", log, *named, "--columns.time", "null", "--rate", "50"]) == 0
     shown = capsys.readouterr().out
     assert "f.x, f.y, f.z" in shown and "v.x, v.y, v.z" in shown and "50 Hz" in shown
     with pytest.raises(SystemExit):
-        main(["info", log, "--columns", "acceleration=f,v"])
+        main(["info", log, "--columns.acceleration", "f,v"])
     with pytest.raises(SystemExit):
-        main(["info", log, "--columns", "time=sec,nsec,usec"])
+        main(["info", log, "--columns.time", "sec,nsec,usec"])
 
 
 def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
@@ -260,7 +263,7 @@ def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
     log.rename(columns={"t": "when"})[["when", *ACCELERATION]].to_csv(force, index=False)
     log[["t", *CHANNELS[3:]]].rename(columns={"t": "tick"}).to_csv(rate, index=False)
     pair, old = f"acceleration={force},angular_rate={rate}", str(device / "calibration.json")
-    named = ["--columns", "time.acceleration=when", "time.angular_rate=tick"]
+    named = ["--columns.time.acceleration", "when", "--columns.time.angular_rate", "tick"]
     assert main(["info", pair, *named]) == 0
     shown = capsys.readouterr().out
     assert "acc.csv and gyr.csv: log, format csv" in shown
@@ -272,8 +275,8 @@ def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
         assert main(["apply", old, given, "-o", str(tmp_path / out), *more]) == 0
     one, two = (pd.read_parquet(tmp_path / f"{n}.parquet")[[*CHANNELS]] for n in ("one", "two"))
     np.testing.assert_array_equal(one, two)
-    line = one_line_error(["info", pair, "--columns", "time=when"], capsys)
-    assert "--columns time=…: no column 'when'; there are tick" in line
+    line = one_line_error(["info", pair, "--columns.time", "when"], capsys)
+    assert "--columns.time: no column 'when'; there are tick" in line
     line = one_line_error(["apply", old, pair, "-o", force], capsys)
     assert "acc.csv" in line
 
@@ -378,7 +381,7 @@ def test_the_gravity_that_was_used_is_printed(device, tmp_path, capsys):
     calibration, log = str(device / "calibration.json"), str(tmp_path / "rest.csv")
     brief().to_csv(log, index=False)
     # normal gravity on the ellipsoid at 45° is 9.806199 m/s^2, and falls by 3.1e-6 per m
-    place = ["--latitude", "45", "--height", "100"]
+    place = ["--gravity.latitude", "45", "--gravity.height", "100"]
     for command in (
         ["calibrate", log, "-o", str(tmp_path / "out")],
         ["check", calibration, log],
@@ -401,9 +404,9 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     assert shown.index("segment: ") < shown.index("diagnose: ")
 
 
-def test_any_key_of_the_config_can_be_set(tmp_path, capsys):
+def test_a_key_of_the_config_is_an_option(tmp_path, capsys):
     log = brief().rename(columns={"t": "tick", "ax": "fx"})
     log.assign(tick=1e3 * log["tick"]).to_csv(tmp_path / "log.csv", index=False)
-    keys = ["columns.time=tick", "units.time=ms", "columns.acceleration=[fx, ay, az]"]
-    assert main(["info", str(tmp_path / "log.csv"), "--set", *keys]) == 0
+    keys = ["--columns.time=tick", "--units.time=ms", '--columns.acceleration=["fx", "ay", "az"]']
+    assert main(["info", str(tmp_path / "log.csv"), *keys]) == 0
     assert "fx, ay, az" in capsys.readouterr().out

@@ -28,11 +28,11 @@ def test_what_is_no_regular_file_or_may_not_be_read(faults, tmp_path, monkeypatc
     (tmp_path / "loop.csv").symlink_to("loop.csv")
     os.mkfifo(tmp_path / "pipe.csv")
     for name, text in (
-        ("loop.csv", "loop.csv is a link that leads to no file"),
+        ("loop.csv", "there is no file loop.csv"),
         ("pipe.csv", "pipe.csv is not a regular file"),
         ("none.csv", "there is no file none.csv"),
         ("results/imu/a/samples.parquet", "results/imu/a/samples.parquet is a result of this "
-         "workflow; name the log that it came from"),
+         "workflow; name its source, or copy it out of results"),
         (f"{300 * 'x'}.csv", "cannot be read: File name too long"),
     ):  # fmt: skip
         assert faults(session(f"kind: static, file: {name}")) == [FILE + text]
@@ -60,7 +60,7 @@ def test_files_beside_the_log(faults, tmp_path):
             for pps, line in (
                 ("{counter: gx}", "pps.time: missing; marks are two columns of the log, or a file"),
                 ("{file: none.csv}", "pps.file: there is no file none.csv"),
-                ("{file: .}", "pps.file: . is a folder, not a file"),
+                ("{file: .}", "pps.file: . is not a regular file"),
                 ("{file: 'a_{x}.csv'}", "pps.file: a_{x}.csv: in place of braces Snakemake puts "
                  "the name of a device; rename it"),
                 ("{columns: [a, b]}", "pps.columns: unknown key; use one of file, counter, time"),

@@ -31,8 +31,9 @@ def log(tmp_path):
 IN_PYTHON = {
     "no gyroscope": ((T, F), {}, "angular_rate: none is given"),
     "no log": ((), {}, "no log is given"),
-    "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "is not a place: give"),
-    "gravity as a pair": ((T, F, W), {"gravity": (9, 81)}, "for a place give {'latitude': degrees"),
+    "no logs": (([],), {}, "no log is given"),
+    "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "nor a place with"),
+    "gravity as a pair": ((T, F, W), {"gravity": (9, 81)}, "gravity: (9, 81) is neither"),
     "a wrong stage": ((T, F, W), {"settings": {"segmnt": {}}}, "did you mean 'segment'"),
     "a unit": ((T, F, W), {"units": {"acceleration": "ms2"}}, "'ms2' is not a unit"),
     "a quantity": (
@@ -45,7 +46,7 @@ IN_PYTHON = {
     "a tolerance in percent": (
         (T, F, W),
         {"nominal": {"acceleration": {"tolerance": {"scale_factor": 3}}}},
-        "'scale_factor': …}}}: 3 is greater than the maximum of 0.5",
+        "'scale_factor': …}}}: 3 should be less than or equal to 0.5",
     ),
     "columns": (("PATH",), {"columns": {"acceleration": ["fx", "fy", "fz"]}}, "no column 'fx'"),
     "format": (("PATH",), {"format": "cvs"}, "'cvs' is not a format; did you mean 'csv'"),
@@ -55,25 +56,25 @@ IN_PYTHON = {
     "one array": (
         (np.arange(100),),
         {},
-        "log: an array of shape (100,) is not a log; a log is a path",
+        "log: ndarray of shape (100,) is not a log; a log is a path",
     ),
-    "no time": ((), {"acceleration": F, "angular_rate": W}, "t: none is given"),
+    "no time": ((), {"acceleration": F, "angular_rate": W}, "no time column of a usual name"),
     "ragged rows": ((T, [[1, 2, 3], [1]], W), {}, "acceleration: its rows differ in length"),
     "a column twice": (
         (pd.DataFrame(np.ones((9, 3)), columns=["t", "ax", "ax"]),),
         {},
         "two columns are named ax",
     ),
-    "temperature of a file": (("PATH",), {"temperature": T}, "temperature: goes with arrays"),
+    "temperature of a file": (("PATH",), {"temperature": T}, "log: tuple is not a log"),
     "a name that is a path": (
         (T, F, W),
         {"name": "../a"},
-        "name: '../a' is not a name (a let",
+        "name: '../a' should match pattern",
     ),
     "a setting out of its limits": (
         (T, F, W),
         {"settings": {"noise": {"significance": 2}}},
-        "settings.noise.significance: 2 is greater than or equal to the maximum",
+        "settings.noise.significance: 2 should be less than 1",
     ),
     "a file for a folder": ((T, F, W), {"folder": "PATH"}, "log.csv: a file, where a folder"),
 }
@@ -112,23 +113,24 @@ def test_what_is_read_and_applied_by_mistake(log):
     sensors = [nominal(raw(unit, 1.0), "no log") for unit in ("m/s^2", "rad/s")]
     with pytest.raises(ImuloopError, match=r"not ndarray: imuloop\.read"):
         imuloop.Calibration("d", 9.8, *sensors).apply(F)
+    with pytest.raises(ImuloopError, match=r"none\.parquet: there is no such file"):
+        imuloop.Calibration("d", 9.8, *sensors).apply_file("none.parquet", log, nominal=True)
 
 
 ON_THE_COMMAND_LINE = {
     "check LOG CALIBRATION": "LOG: no calibration.json: it comes first, then the log",
-    "calibrate LOG --gravity 45.4 -o OUT": "45.4 is not a local gravity in m/s^2, 0.1 to 25",
-    "calibrate LOG --gravity 9,81 -o OUT": "9,81 is not a number: 9.81 m/s^2, or --latitude 9?",
-    "coach LOG --latitude 45": "--latitude alone gives no gravity: --latitude and --height do",
-    "calibrate LOG --gravity 9.8 --height 12 -o OUT": "--gravity and --height: give the size",
-    "calibrate LOG --acceleration-unit ms2 -o OUT": "'ms2' is not a unit; did you mean",
+    "calibrate LOG --gravity 45.4 -o OUT": "45.4 is neither 0.1 to 25 m/s^2 nor a place",
+    "calibrate LOG --gravity 9,81 -o OUT": "gravity: [9, 81] is neither 0.1 to 25 m/s^2",
+    "coach LOG --gravity.latitude 45": "{'latitude': 45} is neither",
+    "calibrate LOG --gravity 9.8 --gravity.height 12 -o OUT": "above it, --gravity, is given",
+    "calibrate LOG --units.acceleration ms2 -o OUT": "'ms2' is not a unit; did you mean",
     "calibrate LOG": "the following arguments are required: -o/--output",
-    "calibrate LOG --columns accel=x,y,z -o OUT": "--columns accel: unknown key; use",
-    "calibrate LOG --rate -5 -o OUT": "--rate: -5.0 is less than",
+    "calibrate LOG --columns.speed v -o OUT": "unrecognized arguments: --columns.speed v",
+    "calibrate LOG --rate -5 -o OUT": "--rate: -5 should be greater than 0",
     "calibrate LOG --sensor mpu9999 -o OUT": "--sensor: 'mpu9999' is not a sensor",
-    "calibrate LOG --counts accel=1 -o OUT": "--counts accel: unknown key; use one",
-    "calibrate LOG --set units.tim=ms -o OUT": "--set units.tim: unknown key; did you",
-    "calibrate LOG --set unit.time=ms -o OUT": "unit.time=ms is not KEY=VALUE, KEY",
-    "calibrate LOG --set units.time=sec -o OUT": "--time-unit: 'sec' is not a unit",
+    "calibrate LOG --nominal.acceleration.scale x -o OUT": "scale: 'x' should be a valid number",
+    "calibrate LOG --units.time sec -o OUT": "--units.time: 'sec' is not a unit",
+    "noise CALIBRATION": "calibration.json: not a log; imuloop info describes results",
     "calibrat LOG": "invalid choice: 'calibrat'",
 }
 

@@ -116,7 +116,10 @@ def test_five_mistakes_are_five_lines(checkout, tmp_path):
     ("text", "line"),
     [
         (None, "config.yaml: there is no such file here"),
-        ("devices:\n  a: {sessions: {r: {kind: static\n", "config.yaml line 3, column 1: no YAML"),
+        (
+            "devices:\n  a: {sessions: {r: {kind: static\n",
+            "config.yaml: cannot be read: while parsing",
+        ),
     ],
 )
 def test_a_config_that_cannot_be_read_is_one_line(checkout, tmp_path, text, line):

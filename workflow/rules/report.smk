@@ -61,7 +61,7 @@ rule report:
         exports=expand("results/{device}/exports.json", device=DEVICES),
         family=["results/family.json"] if TYPES else [],
         # newer than a report without all devices: the next run makes it again
-        attempt=ATTEMPT,
+        attempt=ask_for_report,
     output:
         report=report(
             "results/report.html",

@@ -13,20 +13,17 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from imuloop import chain
+from imuloop.config import OF_LOGS, known_figures
 from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
-from imuloop.core.files import refuse_overwriting
-from imuloop.core.samples import read_samples
+from imuloop.core.files import make_folder, refuse_overwriting
+from imuloop.core.samples import TIME, read_samples
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.declaration import KEYS, check_declared, gravity_of, plain
-from imuloop.in_memory import FILE, log_of
-from imuloop.ingest.formats import PAIR
+from imuloop.declaration import KEYS, check_declared, gravity_of
+from imuloop.in_memory import ARRAYS, FILE, log_of
 from imuloop.ingest.places import PYTHON, read_in
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder
-from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
-# declared keys that say something of the sensor
-OF_SENSOR = ("sensor", "range", "nominal")
 # types that `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
 
@@ -97,37 +94,29 @@ def calibrate(
         For each log that was rejected, and for each fact that the user should look at in a log. The
         `failures` and `notes` of the result are lists of them.
     """
-    if t is None and (acceleration is None or angular_rate is None):
-        raise ImuloopError("no log is given: t, or acceleration and angular_rate")
-    if (acceleration is None) != (angular_rate is None):
-        lacks = "acceleration" if acceleration is None else "angular_rate"
-        raise ImuloopError(f"{lacks}: none is given with t and the other sensor")
-    if folder and Path(folder).is_file():
-        raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
-    if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
-        raise ImuloopError(f"prior: {prior}: there is no such file")
-    declared = {"format": format, "rate": rate, "columns": columns, "units": units}
-    of_sensor = {"sensor": sensor, "range": range, "nominal": nominal}
-    with read_in(PYTHON):
-        check_declared(declared | of_sensor, name, settings)
-    declared = {key: plain(value) for key, value in declared.items() if value is not None}
-    tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
-    if acceleration is None:
+    given = (t, acceleration, angular_rate, temperature)
+    arrays = {name: x for name, x in zip(ARRAYS, given, strict=True) if x is not None}
+    if not {*arrays} - {TIME}:
         poses = _list_logs(t)
-    elif t is None and tables:
-        poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
-    elif t is None and rate is None:
-        raise ImuloopError("t: none is given; give it, or the rate of the arrays in Hz")
     else:
-        poses = [(t, acceleration, angular_rate, temperature)]
-    if temperature is not None and not isinstance(poses[0], tuple):
-        raise ImuloopError("temperature: goes with arrays; else it is a column of the log")
+        # without t, each may be a path or a table with its own stamps
+        poses = [arrays if t is None else given]
     lists = zip(KINDS, (poses, _list_logs(six_position), _list_logs(static)), strict=True)
     logs = {
         f"{kind}_{i + 1}": log_of(log, columns, "log" if kind == KINDS[0] else kind)
         for kind, logs_of_kind in lists
         for i, log in enumerate(logs_of_kind)
     }
+    if not logs:
+        raise ImuloopError("no log is given: t, or acceleration and angular_rate")
+    if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
+        raise ImuloopError(f"prior: {prior}: there is no such file")
+    declared = {"format": format, "rate": rate, "columns": columns, "units": units}
+    declared |= {"sensor": sensor, "range": range, "nominal": nominal}
+    with read_in(PYTHON):
+        declared = check_declared(declared, name, settings)
+    if folder:
+        make_folder(folder)
     kept = folder or TemporaryFolder()
     if prior and folder:
         refuse_overwriting([folder], [prior])
@@ -137,7 +126,7 @@ def calibrate(
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
         gravity=gravity_of(gravity),
-        **device_figures(*map(plain, of_sensor.values())),
+        **known_figures(declared),
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
@@ -188,13 +177,11 @@ def read(log, **declared) -> pd.DataFrame:
     for key in {*declared} - {*KEYS}:
         raise ImuloopError(f"'{key}' cannot be declared of a log{nearest(key, KEYS)}")
     with read_in(PYTHON):
-        check_declared(declared)
+        declared = check_declared(declared)
     log = log_of(log, declared.get("columns"))
-    kept = {key: plain(value) for key, value in declared.items() if value is not None}
-    figures = device_figures(*(kept.pop(key, None) for key in OF_SENSOR))
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        device = chain.Device("log", Path(folder), {"log": None}, **figures)
-        _ingest(device, "log", log, kept)
+        device = chain.Device("log", Path(folder), {"log": None}, **known_figures(declared))
+        _ingest(device, "log", log, declared)
         result = Result(device)
         for failure in result.failures:
             raise ImuloopError(failure)
@@ -219,26 +206,24 @@ def _ingest(device, session, log, declared):
     Raises an ImuloopError if they do not fit the log.
     """
     parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
-    in_memory = []
     for role, part in parts.items():
         if isinstance(part, FILE):
-            path = Path(part)
-            refuse_overwriting([device.folder], [path])
+            paths.append(Path(part))
+            refuse_overwriting([device.folder], paths[-1:])
             sources[role] = {"path": str(part)}
         else:
             name = f"{session}_{role}" if len(parts) > 1 else session
-            path = device.file(f"{name}.parquet")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part.to_parquet(path, index=False)
+            paths.append(device.file(f"{name}.parquet"))
+            device.folder.mkdir(parents=True, exist_ok=True)
+            part.to_parquet(paths[-1], index=False)
             sources[role] = {"path": IN_MEMORY}
-            in_memory.append(str(path))
-        paths.append(path)
     try:
-        chain.ingest(device, session, declared | {"sources": sources}, paths)
+        of_log = {key: declared[key] for key in OF_LOGS if key in declared}
+        chain.ingest(device, session, of_log | {"sources": sources}, paths)
     except ImuloopError as error:
         # the message of the stage names device and session, too; the name of the file is enough. A
         # log in memory is called by its session, not by the file that was written here
         why = str(error).removeprefix(f"{device.name}/{session}: ")
-        for path in in_memory:
-            why = why.replace(path, session)
+        for path, source in zip(paths, sources.values(), strict=True):
+            why = why.replace(str(path), session) if source["path"] == IN_MEMORY else why
         raise ImuloopError(why) from error

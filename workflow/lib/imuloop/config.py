@@ -7,8 +7,8 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.declaration import gravity_of
 from imuloop.ingest.sources import file_name
-from imuloop.local_gravity import normal_gravity
 from imuloop.sensors import device_figures
 
 # keys of a device that apply to all its logs, unless a session has its own
@@ -125,14 +125,12 @@ def resolve(config):
 
 def _resolve_device(name, device):
     """Return a device of the config, given by name and content, with all keys, a dict."""
-    gravity, prior = device.get("gravity", STANDARD_GRAVITY), device.get("prior")
-    if isinstance(gravity, dict):
-        gravity = normal_gravity(gravity["latitude"], gravity["height"])
+    prior = device.get("prior")
     return {
         "label": device.get("label", name),
         "type": device.get("type"),
         "prior": {"file": prior, "type": device.get("type")} if prior else {},
-        "gravity": float(gravity),
+        "gravity": gravity_of(device.get("gravity", STANDARD_GRAVITY)),
         **known_figures(device),
         **{stage: device.get(stage) or {} for stage in STAGES},
         "sessions": {key: _resolve_session(plan) for key, plan in device["sessions"].items()},
@@ -140,30 +138,26 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return what `device_figures` gives for a device of the config, scales and tolerances."""
+    """Return the scales, full scales, tolerances and noise of a device, dicts by name.
+
+    `device` has the keys ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a config; a key
+    may be absent.
+    """
     return device_figures(*(device.get(k) for k in ("sensor", "range", "nominal", "full_scale")))
 
 
 def _resolve_session(session):
     """Return a session of the config, a dict, with all keys; files have the key ``sources``."""
-    pps = dict(session.get("pps") or {})
-    marks = {"pps": sources(pps.pop("file"))["log"]} if "file" in pps else {}
-    reference = dict(session.get("reference") or {})
-    if "file" in reference:
-        marks["reference"] = sources(reference.pop("file"))["log"]
-    known = session.get("sections") or [{k: session[k] for k in ("axis", "angle") if k in session}]
-    return {
-        "kind": session["kind"],
-        "format": session.get("format"),
-        "sources": sources(session["file"]) | marks,
-        "columns": session.get("columns") or {},
-        "units": session.get("units") or {},
-        "rate": session.get("rate"),
-        "time_range": session.get("time_range"),
-        "pps": pps,
-        "reference": reference,
-        "known_rotation": known if session["kind"] == "known_rotation" else [],
-    }
+    resolved = {key: session.get(key) for key in ("kind", "format", "rate", "time_range")}
+    for key in ("columns", "units", "pps", "reference"):
+        resolved[key] = dict(session.get(key) or {})
+    files = sources(session["file"])
+    for key in ("pps", "reference"):
+        if "file" in resolved[key]:
+            files[key] = sources(resolved[key].pop("file"))["log"]
+    turns = session.get("sections") or [{k: session[k] for k in ("axis", "angle") if k in session}]
+    known = turns if session["kind"] == "known_rotation" else []
+    return resolved | {"sources": files, "known_rotation": known}
 
 
 def sources(file):

@@ -1,64 +1,39 @@
 """Types of values in a config that may be of several kinds, and mappings that report all faults."""
 
-from contextlib import suppress
-from copy import deepcopy
 from typing import Annotated, Union
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Tag, ValidationError, model_validator
 
+from imuloop.core.errors import nearest
+
 # a value may have one of several types; each is a branch in pydantic's errors, whose name begins
 # with these words, as no key does
 BRANCH = "branch of the type: "
+# words for the Python types of values, in the order in which they are tried
+_WORDS = {"text": str, "truth": bool, "number": (int, float), "list": list, "mapping": dict}
 
 
 def kind_of(value):
-    """Return the name of the branch for a value, by its Python type."""
-    kinds = {"string": str, "bool": bool, "float": (int, float), "list": list, "keys": dict}
-    return BRANCH + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
+    """Return the word for the type of a value, such as ``text``."""
+    return next((word for word, kind in _WORDS.items() if isinstance(value, kind)), "null")
 
 
 def either(by=kind_of, **types):
     """Return the type of a value that may have one of several `types`, given by name.
 
-    `by` is a function that returns the name of the branch, the type that a value has to fit.
+    `by` is a function that returns the name of the type that a value has to fit.
     """
-    members = tuple(Annotated[each, Tag(BRANCH + kind)] for kind, each in types.items())
-
-    def branch(value):
-        """Return the name of the branch for a value; whole numbers count as int if there is one."""
-        kind = by(value)
-        return f"{BRANCH}int" if kind == f"{BRANCH}float" and "int" in types else kind
-
+    members = tuple(Annotated[each, Tag(BRANCH + name)] for name, each in types.items())
     # members is a tuple, which | does not take
-    return Annotated[Union[members], Discriminator(branch)]  # noqa: UP007
+    return Annotated[Union[members], Discriminator(lambda value: BRANCH + by(value))]  # noqa: UP007
 
 
 def is_branch(part):
-    """Return whether a part of the path in an error of pydantic is no key of the config.
+    """Return whether a part of the path in an error of pydantic names a branch, not a key.
 
-    Then it names a branch: an alternative of a value that may have several types.
+    A branch is an alternative of a value that may have several types.
     """
     return part == "[key]" or str(part).startswith(BRANCH)
-
-
-def _without_values(data, paths):
-    """Return nested data, copied, in which the values at `paths` are None."""
-    if paths:
-        data = deepcopy(data)
-    for path in paths:
-        node, keys = data, [part for part in path if not is_branch(part)]
-        # a missing key has no value
-        with suppress(LookupError, TypeError):
-            for key in keys[:-1]:
-                node = node[key]
-            if node[keys[-1]] is not None:
-                node[keys[-1]] = None
-    return data
-
-
-def holds_none(value):
-    """Return whether a value in nested mappings is None."""
-    return value is None or (isinstance(value, dict) and any(map(holds_none, value.values())))
 
 
 class Keys(BaseModel):
@@ -73,7 +48,7 @@ class Keys(BaseModel):
         Parameters
         ----------
         keys : dict
-            The keys as written; each value that has a fault itself, at any depth, is None.
+            The keys as written; a value that has a fault itself is None.
         context : dict or None
             ``{"replicas": …}`` if the files that are named have to exist, else None.
 
@@ -90,16 +65,20 @@ class Keys(BaseModel):
     @classmethod
     def _add_faults(cls, data, validate, info):
         """Validate each key by itself, then what depends on several keys; raise all faults."""
-        model, errors = None, []
+        model, errors, faults = None, [], []
         try:
             model = validate(data)
         except ValidationError as error:
             errors = error.errors(include_url=False)
         if isinstance(data, dict):
-            keys = _without_values(data, [error["loc"] for error in errors])
-            for path, text in cls.faults(keys, info.context):
-                context = {"error": ValueError(text)}
-                errors.append({"type": "value_error", "loc": path, "input": data, "ctx": context})
+            unknown = [key for key in data if key not in cls.model_fields]
+            faults = [((key,), f"unknown key{nearest(key, cls.model_fields)}") for key in unknown]
+            errors = [error for error in errors if error["loc"][0] not in unknown]
+            wrong = {error["loc"][0] for error in errors} & {*data}
+            faults += cls.faults(data | dict.fromkeys(wrong), info.context)
+        for path, text in faults:
+            context = {"error": ValueError(text)}
+            errors.append({"type": "value_error", "loc": path, "input": data, "ctx": context})
         if errors:
             raise ValidationError.from_exception_data(cls.__name__, errors)
         return model

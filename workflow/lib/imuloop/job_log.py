@@ -6,6 +6,9 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, one_line, printable
 
+# reason of a job that Ctrl-C ended, or that did not start
+INTERRUPTED = "the run stopped before this stage was done"
+
 
 class Printable(logging.Formatter):
     """Formatter of log lines and tracebacks, without control characters that a terminal obeys."""
@@ -23,6 +26,8 @@ def failure_line(error):
     texts on the code, which are not shown.
     """
     kind = type(error).__name__
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED
     if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
         return one_line(error) or kind
     return f"an error in the code of imuloop ({kind})"

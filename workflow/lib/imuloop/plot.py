@@ -3,24 +3,12 @@
 ``draw(areas, result, name)`` draws a figure on given Axes; ``result.plot.allan()`` returns figures.
 """
 
+from functools import partial
+
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.samples import SENSORS
 from imuloop.report.pictures import KINDS, pictures
 from imuloop.report.results import read_device
-
-# the first line of the help on each kind
-WORDS = {
-    "loop": "Draw the errors as logged, calibrated and with the effects corrected.",
-    "poses": "Draw the attitudes that were covered.",
-    "attitude": "Draw the error of the vertical on stretches that no model has seen.",
-    "series": "Draw the samples of each session, with the stretches taken as rest.",
-    "allan": "Draw the Allan deviation of each session, with its model.",
-    "spectra": "Draw the power spectral density of each session.",
-    "residuals": "Draw the held-out residuals of poses, moves and reference.",
-    "bias": "Draw the bias over time at rest.",
-    "temperature": "Draw the bias at rest against the temperature, with the fitted curve.",
-    "corrected": "Draw the Allan deviation as logged and with the effects removed.",
-}
 
 
 def draw(areas, result, name):
@@ -47,7 +35,22 @@ def draw(areas, result, name):
 
 
 class Plots:
-    """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them."""
+    """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them.
+
+    Arguments are names: of a sensor, of a session, or a figure's own. Only the figures whose names
+    contain all of them are drawn; a name that no figure has raises an ImuloopError.
+
+    - `loop`: errors as logged, calibrated and with the effects corrected.
+    - `poses`: attitudes that were covered.
+    - `attitude`: error of the vertical on stretches that no model has seen.
+    - `series`: samples of each session, with the stretches taken as rest.
+    - `allan`: Allan deviation of each session, with its model.
+    - `spectra`: power spectral density of each session.
+    - `residuals`: held-out residuals of poses, moves and reference.
+    - `bias`: bias over time at rest.
+    - `temperature`: bias at rest against the temperature, with the fitted curve.
+    - `corrected`: Allan deviation as logged and with the effects removed.
+    """
 
     def __init__(self, device):
         folder, label = device.folder, device.label or device.name
@@ -58,7 +61,17 @@ class Plots:
         """Return the `Picture` objects of one of `KINDS`."""
         return pictures(self._device, kind)
 
-    def _figures(self, kind, names):
+    def __getattr__(self, kind):
+        if kind in KINDS:
+            return partial(self._figures, kind)
+        raise AttributeError(
+            f"no figures of this kind, {kind}; there are {', '.join(KINDS)}", name=kind, obj=self
+        )
+
+    def __dir__(self):
+        return [*super().__dir__(), *KINDS]
+
+    def _figures(self, kind, *names):
         """Return the figures of a kind, a list, whose names contain all of `names`."""
         drawn = {p.stem: p for p in self.pictures(kind)}
         known = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
@@ -69,45 +82,7 @@ class Plots:
                 )
         return [p.figure() for stem, p in drawn.items() if all(_holds(stem, n) for n in names)]
 
-    def __getattr__(self, kind):
-        raise AttributeError(
-            f"no figures of this kind, {kind}; there are {', '.join(KINDS)}", name=kind, obj=self
-        )
-
 
 def _holds(stem, name):
     """Return whether the name of a figure, `stem`, contains `name` as whole words."""
     return f"_{name}_" in f"_{stem}_"
-
-
-def _method(kind, words):
-    """Return the method of `Plots` that draws the figures of a kind.
-
-    `words` is the first line of its docstring.
-    """
-
-    def figures(self, *names):
-        return self._figures(kind, names)
-
-    figures.__name__, figures.__qualname__ = kind, f"{Plots.__name__}.{kind}"
-    figures.__doc__ = f"""{words}
-
-    Parameters
-    ----------
-    *names : str
-        Return only figures whose names contain these: a sensor, a session, or a figure's own name.
-
-    Returns
-    -------
-    list of matplotlib.figure.Figure
-
-    Raises
-    ------
-    ImuloopError
-        If no figure has such a name.
-    """
-    return figures
-
-
-for _kind, _words in WORDS.items():
-    setattr(Plots, _kind, _method(_kind, _words))

@@ -18,7 +18,7 @@ from urllib.parse import quote
 import imuloop
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json, replaced
+from imuloop.core.files import make_folder, read_json, replaced
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.model.calibration import Calibration
@@ -129,8 +129,8 @@ class Result:
 
     def export(self, folder) -> list:
         """Write files with the calibration for other tools into a folder; return their paths."""
+        make_folder(folder)
         chain.export(self.device)
-        Path(folder).mkdir(parents=True, exist_ok=True)
         sources = sorted(self.device.file("exports").iterdir())
         targets = [Path(folder) / source.name for source in sources]
         for source, target in zip(sources, targets, strict=True):
@@ -140,6 +140,7 @@ class Result:
 
     def save(self, folder) -> Path:
         """Copy the result's files into a folder, for `imuloop.load`; return the folder's path."""
+        make_folder(folder)
         if Path(folder).resolve() != self.device.folder.resolve():
             shutil.copytree(self.device.folder, folder, dirs_exist_ok=True)
         return Path(folder)
@@ -155,9 +156,6 @@ class Result:
 
     def describe(self, failures=True):
         """Return the calibration and the verdicts as text, with or without the rejected logs."""
-        from imuloop.report.findings import blocks
-        from imuloop.report.page import phrase
-
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
         title += f", sensor {named}:" if named else ":"
@@ -166,14 +164,7 @@ class Result:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
-        # records with the same sentence share a line: by sentence, the list of its records
-        places = {}
-        for block in blocks(self.diagnosis):
-            place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
-            places.setdefault(phrase("verdict", b=block), []).append(place)
-        lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
-        wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
-        return "\n".join(line for lines in wrapped for line in lines)
+        return "\n".join([*_wrap(lines), *verdict_lines(self.diagnosis)])
 
     def __repr__(self):
         verdicts = [
@@ -186,6 +177,27 @@ class Result:
     def _repr_html_(self):
         """Return the result as HTML, for a notebook."""
         return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
+
+
+def verdict_lines(diagnosis):
+    """Return the verdicts in a diagnosis.json in lines of text; records with one verdict share it.
+
+    `diagnosis` is the content of the file.
+    """
+    from imuloop.report.findings import blocks
+    from imuloop.report.page import phrase
+
+    places = {}
+    for block in blocks(diagnosis):
+        place = f"{block['sensor']}, {block['part'].replace('_', ' ')}"
+        places.setdefault(phrase("verdict", b=block), []).append(place)
+    return _wrap(f"  {'; '.join(where)}: {text}" for text, where in places.items())
+
+
+def _wrap(lines):
+    """Return lines of text, a list, in which none is longer than `WIDTH`."""
+    wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
+    return [part for parts in wrapped for part in parts]
 
 
 class TemporaryFolder:

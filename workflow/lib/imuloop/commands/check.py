@@ -1,6 +1,15 @@
-"""``imuloop check``: whether a sensor has drifted since it was calibrated."""
+"""``imuloop check``: test on a new log whether a device has drifted.
 
-import tempfile
+For example:
+  imuloop check results/my_imu/calibration.json poses_today.csv
+  imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
+  imuloop check calibration.json poses_today.csv --update -o calibration_today.json
+
+LOG is a new log of the same device. Poses test all parameters; one rest tests the biases of the
+gyroscope and the accelerometer's bias along gravity; three rests in different directions test all
+biases. Exit status: 0 no drift, 3 drift, 1 error, 2 usage.
+"""
+
 from pathlib import Path
 
 # a calibration may hold any effect of the library
@@ -8,24 +17,13 @@ import imuloop.effects  # noqa: F401
 from imuloop import Calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.logs import (
-    LOG,
-    files_of,
-    log_of,
-    log_samples,
-    name_of,
-    paths_of,
-    refuse_rejected,
-    refuse_swapped,
-    segmented,
-)
+from imuloop.commands.logs import LOG, Log, find_segments, read_log, refuse_swapped
 from imuloop.commands.options import add_arguments, between
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import SENSORS, read_metadata, read_samples
+from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TURN_ON
 from imuloop.model.calibration_faults import implausible_values
 from imuloop.noise.noise import estimate_noise
@@ -39,34 +37,12 @@ from imuloop.validate.new_bias import update_biases
 
 # exit status of a device that has drifted
 DRIFTED = 3
-EXAMPLE = f"""examples:
-  imuloop check results/my_imu/calibration.json poses_today.csv
-  imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
-  imuloop check calibration.json poses_today.csv --update -o calibration_today.json
-
-LOG is a new log of the same device. Poses test all parameters; one rest tests the biases of the
-gyroscope and the accelerometer's bias along gravity; three rests in different directions test all
-biases. Exit status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
-def add(commands, **how):
-    """Add the command and its arguments."""
-    command = commands.add_parser(
-        "check", help="test a calibration on a new log: has it drifted?", epilog=EXAMPLE, **how
-    )
+def add(command):
+    """Add the arguments of the command."""
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
-    command.add_argument("log", type=log_of, help=f"new log of the same device: {LOG}")
-    command.add_argument(
-        "--kind",
-        choices=("multi_position", "six_position", "static"),
-        help="default: poses if the log has two or more attitudes, else static",
-    )
-    command.add_argument(
-        "--noise",
-        type=Path,
-        help="noise.json; default: in the folder of the calibration, else from the log",
-    )
-    add_gravity(command, "that of the calibration")
+    command.add_argument("log", type=Log.parse, help=f"new log of the same device: {LOG}")
     command.add_argument(
         "--turn-on",
         type=between(0, 1e3, 2),
@@ -86,69 +62,73 @@ def add(commands, **how):
         "--update", action="store_true", help="write the calibration with the biases of LOG to -o"
     )
     command.add_argument("-o", "--output", type=Path, help="calibration to write, with --update")
-    add_arguments(command)
-    command.set_defaults(run=run)
+    add_arguments(command, "that of the calibration")
 
 
 def run(arguments):
     """Test a calibration on a log, and update its biases; return the exit status."""
-    if arguments.update != bool(arguments.output):
+    path, log, output = arguments.calibration, arguments.log, arguments.output
+    if arguments.update != bool(output):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
-    refuse_swapped(arguments.calibration, arguments.log)
-    calibration, name = Calibration.from_json(arguments.calibration), name_of(arguments.log)
-    noise = arguments.noise or arguments.calibration.with_name("noise.json")
-    logs = files_of(arguments.log)
-    read = [arguments.calibration, *logs, noise, logs[0].with_name("quality.json")]
-    refuse_overwriting([path for path in (arguments.json, arguments.output) if path], read)
-    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        path, quality = log_samples(arguments.log, arguments, Path(folder), calibration=calibration)
-        refuse_rejected(arguments.log, quality)
-        samples, known = read_samples(path), read_metadata(path)
-    if set(known.get("sha256", {}).values()) & set(calibration.sha256):
+    refuse_swapped(path, log)
+    calibration = Calibration.from_json(path)
+    noise_path = path.with_name("noise.json")
+    read = [path, *log.paths, noise_path, log.paths[0].with_name("quality.json")]
+    refuse_overwriting(filter(None, [arguments.json, output]), read)
+    samples, metadata, _ = read_log(log, arguments.declared, calibration)
+    if set(metadata.get("sha256", {}).values()) & set(calibration.sha256):
         raise ImuloopError(
-            f"{paths_of(arguments.log)}: the calibration is from this log (the same SHA-256), so "
-            "it shows no drift: give a later log"
+            f"{log}: the calibration is from this log (the same SHA-256), so it shows no drift: "
+            "give a later log"
         )
-    rails, stuck = known.get("rails", {}), known.get("stuck", ())
-    kind, segments = segmented(samples, arguments.kind, rails, stuck)
-    recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])
-    noise, source = noise_of(arguments, calibration, kind, samples, segments)
-    given, gravity = (calibration, recording, noise), local_gravity(arguments, calibration.gravity)
+    kind, (segments, poses) = "multi_position", find_segments(samples, metadata, "multi_position")
+    if poses < 2:
+        kind, (segments, _) = "static", find_segments(samples, metadata, "static")
+    longest, rails = CalibrateSettings().longest_rotation, metadata.get("rails", {})
+    recording = record([samples], [segments], longest, [rails])
+    if noise_path.is_file():
+        noise, source = read_noise(noise_path), f"of {noise_path}"
+    else:
+        session = RecordedSession(log.name, kind, samples, segments)
+        noise = estimate_noise(calibration.device, [session], NoiseSettings(), views=False).model
+        source = "of the log itself"
+    gravity, update = arguments.gravity or calibration.gravity, None
     try:
-        level, turn_on = arguments.level, arguments.turn_on
-        drift = check_drift(*given, gravity=gravity, level=level, turn_on=turn_on)
-        update = update_biases(*given, name, gravity=gravity) if arguments.update else None
+        drift = check_drift(
+            calibration,
+            recording,
+            noise,
+            gravity=gravity,
+            level=arguments.level,
+            turn_on=arguments.turn_on,
+        )
+        if arguments.update:
+            update = update_biases(calibration, recording, noise, log.name, gravity=gravity)
     except ImuloopError as error:
-        raise ImuloopError(f"{paths_of(arguments.log)}: {error}") from error
-    of = f"{name} against the calibration of {drift.device}; noise {source}"
-    say(f"{of}; {gravity_line(gravity)}", *lines(drift))
+        raise ImuloopError(f"{log}: {error}") from error
+    head = f"{log.name} against the calibration of {drift.device}; noise {source}"
+    say(f"{head}; gravity {gravity:.6g} m/s²", *lines(drift))
     for sensor in SENSORS:
         if why := implausible_values(getattr(calibration, sensor), sensor):
             say(f"The calibration of the {sensor}: {why}")
     if update:
         updated, kept = update
-        updated.to_json(arguments.output)
-        say(*update_lines(updated, kept), f"wrote {arguments.output}")
+        updated.to_json(output)
+        say(*update_lines(updated, kept), f"wrote {output}")
         if drift.drifted and not drift.bias_only:
             say("Other parameters drifted too and are unchanged: calibrate again.")
     if arguments.json:
-        what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
-        how = {"kind": kind, "noise": source, "gravity": gravity}
-        write_json(arguments.json, drift.to_dict() | what | how)
+        origin = {"calibration": str(path), "log": str(log), "kind": kind, "noise": source}
+        write_json(arguments.json, drift.to_dict() | origin | {"gravity": gravity})
     return DRIFTED if drift.drifted else 0
 
 
-def noise_of(arguments, calibration, kind, samples, segments):
-    """Return the NoiseModel, and in words its origin: a file or the log itself."""
-    path = arguments.noise or arguments.calibration.with_name("noise.json")
-    if arguments.noise or path.is_file():
-        try:
-            return NoiseModel.from_json(path), f"of {path}"
-        except (KeyError, TypeError, ValueError) as error:
-            raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
-    session = RecordedSession(name_of(arguments.log), kind, samples, segments)
-    found = estimate_noise(calibration.device, [session], NoiseSettings(), views=False)
-    return found.model, "of the log itself"
+def read_noise(path):
+    """Return the NoiseModel of a file; raise an ImuloopError if it holds another thing."""
+    try:
+        return NoiseModel.from_json(path)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
 
 
 def lines(drift):

@@ -1,4 +1,13 @@
-"""``imuloop coach``: the state of a session while it is recorded, and what to do next."""
+"""``imuloop coach``: guide a recording.
+
+For example:
+  imuloop coach poses.csv
+  cat /dev/ttyACM0 | imuloop coach - --units.acceleration g --units.angular_rate deg/s
+
+Follows a log that grows, or lines on standard input. Prints the poses so far, how well the
+parameters are known and what to do next, until every parameter is as good as asked for. Exit
+status: 0 done, 3 the log ended before that, 1 error, 2 usage.
+"""
 
 import shutil
 import sys
@@ -10,9 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from imuloop.calibrate.sessions import raw_units
-from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import say
-from imuloop.commands.logs import log_samples
+from imuloop.commands.logs import Log, write_samples
 from imuloop.commands.options import add_arguments, between
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.samples import read_samples
@@ -22,19 +30,13 @@ from imuloop.report.numbers import number
 
 # exit status of a session that ended too early
 EARLY = 3
-EXAMPLE = f"""examples:
-  imuloop coach poses.csv
-  cat /dev/ttyACM0 | imuloop coach - --acceleration-unit g --angular-rate-unit deg/s
-
-Follows a log that grows, or lines on standard input. Prints the poses so far, how well the
-parameters are known and what to do next, until every parameter is as good as asked for. Exit
-status: 0 done, {EARLY} the log ended before that, 1 error, 2 usage."""
 
 
-def add(commands, **how):
-    """Add the command and its arguments."""
-    command = commands.add_parser("coach", help="guide a recording", epilog=EXAMPLE, **how)
-    command.add_argument("log", type=Path, help="multi_position log that grows, or - for stdin")
+def add(command):
+    """Add the arguments of the command."""
+    command.add_argument(
+        "log", type=Log.parse, help="multi_position log that grows, or - for stdin"
+    )
     command.add_argument(
         "--within",
         type=between(1e-4, 10),
@@ -52,9 +54,7 @@ def add(commands, **how):
         metavar="S",
         help="end when the log has not grown for this time; default 60",
     )
-    add_gravity(command, STANDARD_GRAVITY)
-    add_arguments(command)
-    command.set_defaults(run=run)
+    add_arguments(command, str(STANDARD_GRAVITY))
 
 
 def run(arguments):
@@ -62,12 +62,11 @@ def run(arguments):
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         log = arguments.log
         if str(log) == "-":
-            log = Path(folder) / "input.csv"
-            copy = threading.Thread(target=_copy, args=(sys.stdin.buffer, log), daemon=True)
-            log.touch()
-            copy.start()
-        elif not log.exists():
-            raise ImuloopError(f"{log}: there is no such file")
+            log = Log.parse(f"{folder}/input.csv")
+            [path] = log.paths
+            path.touch()
+            threading.Thread(target=_copy, args=(sys.stdin.buffer, path), daemon=True).start()
+        log.refuse_no_log()
         return follow(log, arguments, Path(folder))
 
 
@@ -80,24 +79,23 @@ def _copy(source, target):
 def follow(log, arguments, folder):
     """Print the parameters of a growing log and what to do next; return the exit status."""
     size, said, noise, why = -1, None, None, ""
-    gravity = local_gravity(arguments, STANDARD_GRAVITY)
-    say(gravity_line(gravity))
+    gravity = arguments.gravity or STANDARD_GRAVITY
+    say(f"gravity {gravity:.6g} m/s²")
     grown = time.monotonic()
     while True:
-        now = log.stat().st_size
+        now = sum(path.stat().st_size for path in log.paths)
         if now != size:
             size, grown = now, time.monotonic()
-            path, quality = log_samples(log, arguments, folder)
+            path, quality = write_samples(log, arguments.declared, folder)
             why = "; ".join(quality["reasons"])
             if not why:
                 samples = read_samples(path)
                 units = raw_units({"": {"kind": "multi_position", "samples": path}})
-                what = samples, gravity, units
-                found = progress(*what, noise, arguments.within / 100)
+                found = progress(samples, gravity, units, noise, arguments.within / 100)
                 if found.done and noise is None:
                     # slow noise makes a session look worse than its samples do
                     noise = rest_noise(samples)
-                    found = progress(*what, noise, arguments.within / 100)
+                    found = progress(samples, gravity, units, noise, arguments.within / 100)
                 if (len(found.up), found.advice) != said:
                     say(line(found))
                     said = len(found.up), found.advice

@@ -1,20 +1,29 @@
-"""``imuloop info``: the content of a file, in a few lines with units."""
+"""``imuloop info``: describe a log or a result.
+
+For example:
+  imuloop info results/my_imu/calibration.json
+  imuloop info flight.csv --columns.acceleration fx,fy,fz --columns.angular_rate p,q,r
+  imuloop info acceleration=acc.csv,angular_rate=gyr.csv
+
+FILE is a result, such as calibration.json or samples.parquet, or a raw log of any format that
+imuloop reads. Values are given with 1 standard deviation; those after < are 95 % upper limits.
+"""
 
 import tempfile
-from itertools import product
 from pathlib import Path
+
+import pandas as pd
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.logs import LOG, log_of, log_samples, name_of
+from imuloop.commands.logs import LOG, Log, write_samples
 from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
-from imuloop.report.numbers import number, p_text, text_of, with_unit
-from imuloop.report.page import RECORDS, RESIDUALS
+from imuloop.report.numbers import number, text_of
 from imuloop.report.results import XYZ, DeviceResults
 from imuloop.report.tables import (
     coefficient_table,
@@ -23,31 +32,20 @@ from imuloop.report.tables import (
     parameter_table,
     quality_figures,
 )
-from imuloop.report.units import data_sheet
-
-EXAMPLE = """examples:
-  imuloop info results/my_imu/calibration.json
-  imuloop info flight.csv --columns acceleration=fx,fy,fz angular_rate=p,q,r
-  imuloop info acceleration=acc.csv,angular_rate=gyr.csv
-
-FILE is calibration.json, noise.json, diagnosis.json, quality.json, samples.parquet, or a raw log
-of any format that imuloop reads. Values are given with 1 standard deviation; those after < are
-95 % upper limits."""
+from imuloop.result import verdict_lines
 
 
-def add(commands, **how):
-    """Add the command and its arguments."""
-    command = commands.add_parser("info", help="say what a file is", epilog=EXAMPLE, **how)
-    command.add_argument("file", type=log_of, metavar="FILE", help=f"a result, or a log: {LOG}")
+def add(command):
+    """Add the arguments of the command."""
+    command.add_argument("file", type=Log.parse, metavar="FILE", help=f"a result, or a log: {LOG}")
     add_arguments(command)
-    command.set_defaults(run=run)
 
 
 def run(arguments):
     """Print the content of a file; return 1 for a log that is rejected."""
-    path = arguments.file
-    # a dict of two files is a log
-    suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
+    # a log of two files cannot be a result
+    path = arguments.file.files.get("log", Path())
+    suffix = path.suffix if path.is_file() else ""
     if suffix == ".json" and not holds_log(path):
         say(*result_lines(path))
     elif suffix == ".parquet" and not no_log(path) and read_metadata(path).get("calibrated"):
@@ -55,7 +53,7 @@ def run(arguments):
         count = plural(len(table), "sample")
         say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
     else:
-        lines, rejected = log_lines(arguments)
+        lines, rejected = log_lines(arguments.file, arguments.declared)
         say(*lines)
         return int(rejected)
     return 0
@@ -64,16 +62,19 @@ def run(arguments):
 def result_lines(path):
     """Return the content of a JSON file of results in lines; ImuloopError for another file."""
     content = read_json(path)
-    keys = content.keys() if isinstance(content, dict) else ()
+    keys = content.keys() if isinstance(content, dict) else {*()}
     try:
         if {"accelerometer", "gyroscope"} <= keys:
             return calibration_lines(Calibration.from_json(path))
         if "axes" in keys:
             return noise_lines(content)
         if "sensors" in keys:
-            return verdict_lines(content)
+            return [f"diagnosis of {content['device']}", *verdict_lines(content)]
         if {"status", "rows"} <= keys:
             return quality_lines(content)
+        # attitude.json, family.json, summary.json; exports.json
+        if "format" in keys or keys == {"sha256"}:
+            return [path.name, *aligned(pd.json_normalize(content).iloc[0].items())]
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
     listed = ", ".join(map(str, keys)) or "no keys"
@@ -117,25 +118,6 @@ def noise_lines(content, data_sheet=None):
     return [*lines, *(f"note: {note}" for note in content.get("notes", ()))]
 
 
-def verdict_lines(content):
-    """Return verdicts, added effects and residuals of diagnosis.json in lines for people."""
-    lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
-    for sensor, (part, words) in product(SENSORS, RECORDS.items()):
-        block = content["sensors"].get(sensor, {}).get(part)
-        if not block:
-            continue
-        why = f": {block['why']}" if block.get("why") else ""
-        lines.append(f"{sensor}, {words}: {block['verdict'].replace('_', ' ')}{why}")
-        for effect in block["effects"]:
-            lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
-        for name, r in block["residuals"].items():
-            display = data_sheet(r["unit"])
-            before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
-            error = f"{RESIDUALS[name]}: {before} -> {after}, floor {floor}"
-            lines.append(f"  {with_unit(error, display.unit)}")
-    return lines
-
-
 def quality_lines(content):
     """Return rate, duration, ranges and faults, from quality.json, in lines for people."""
     figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
@@ -148,14 +130,13 @@ def quality_lines(content):
     return [*lines, *(f"warning: {warning}" for warning in content["warnings"])]
 
 
-def log_lines(arguments):
-    """Return a log in lines for people, and whether it is rejected."""
-    path = arguments.file
+def log_lines(log, declared):
+    """Return a log in lines for people, and whether it is rejected; `declared` are its keys."""
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        samples, quality = log_samples(path, arguments, Path(folder))
+        path, quality = write_samples(log, declared, Path(folder))
     rejected = quality.get("status") == "rejected"
-    if samples != path:
-        first = f"{name_of(path)}: log, format {quality['log_format'] or 'unknown'}"
+    if path != log.files.get("log"):
+        first = f"{log.name}: log, format {quality['log_format'] or 'unknown'}"
         return [first, *quality_lines(quality)], rejected
     origin, table = read_metadata(path), Samples(path)
     first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"

@@ -1,148 +1,135 @@
 """A raw log on the command line: its files and its samples."""
 
 import re
+import tempfile
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from imuloop.commands.options import declared_keys
+from imuloop.config import OF_LOGS, known_figures, merge
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from imuloop.core.samples import read_metadata
+from imuloop.core.samples import read_metadata, read_samples
 from imuloop.ingest.formats import PAIR, guess_format, no_log
 from imuloop.ingest.ingest import Declared, ingest
+from imuloop.ingest.json_lines import holds_log
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.sensors import PARTS, device_figures
+from imuloop.sensors import PARTS
 
 # how a log is given
 LOG = "LOG or acceleration=FILE,angular_rate=FILE"
 
 
-def log_of(text):
-    """Return the path of a log, or of a file of each sensor, ``acceleration=a,angular_rate=b``."""
-    two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", text)
-    return dict(zip(PAIR, map(Path, two.groups()), strict=True)) if two else Path(text)
+@dataclass(frozen=True)
+class Log:
+    """A log that an argument names."""
+
+    files: dict  # path by role: ``log``, or ``acceleration`` and ``angular_rate``
+
+    @classmethod
+    def parse(cls, text):
+        """Return the log of an argument, such as ``log.csv``."""
+        two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", text)
+        files = dict(zip(PAIR, two.groups(), strict=True)) if two else {"log": text}
+        return cls({role: Path(path) for role, path in files.items()})
+
+    @property
+    def paths(self):
+        """Paths of the files, a list."""
+        return [*self.files.values()]
+
+    @property
+    def name(self):
+        """Names of the files without their folders, text."""
+        return " and ".join(path.name for path in self.paths)
+
+    def __str__(self):
+        return " and ".join(map(str, self.paths))
+
+    def refuse_no_log(self):
+        """Raise an ImuloopError if a file does not exist, or is a JSON document as results are."""
+        for path in self.paths:
+            if not path.exists():
+                raise ImuloopError(f"{path}: there is no such file")
+            if path.suffix == ".json" and path.is_file() and not holds_log(path):
+                raise ImuloopError(f"{path}: not a log; imuloop info describes results")
+
+    def samples_path(self):
+        """Return the path of the log if it is a samples.parquet of ingest, else None."""
+        path = self.files.get("log", Path())
+        if path.suffix != ".parquet" or not path.is_file() or no_log(path):
+            return None
+        with suppress(ValueError, OSError):
+            return path if "raw_units" in read_metadata(path) else None
+
+    def refuse_rejected(self, quality):
+        """Raise an ImuloopError with the reasons if ingest rejected the log."""
+        if quality.get("status") == "rejected":
+            raise ImuloopError(f"{self}: rejected: {'; '.join(quality['reasons'])}")
 
 
 def refuse_swapped(calibration, log):
     """Raise an ImuloopError where a log stands in the place of the calibration."""
-    if any(path.suffix == ".json" for path in files_of(log)) and calibration.suffix != ".json":
+    if any(path.suffix == ".json" for path in log.paths) and calibration.suffix != ".json":
         raise ImuloopError(f"{calibration}: no calibration.json: it comes first, then the log")
 
 
-def files_of(log):
-    """Return the paths of a log, one or two."""
-    return [*log.values()] if isinstance(log, dict) else [log]
-
-
-def name_of(log):
-    """Return the names of a log's files."""
-    return " and ".join(path.name for path in files_of(log))
-
-
-def paths_of(log):
-    """Return the paths of a log's files as text."""
-    return " and ".join(map(str, files_of(log)))
-
-
-def figures_of(arguments):
-    """Return the figures of the data sheet of the sensor that the options name, by key."""
-    keys = declared_keys(arguments)
-    return device_figures(*map(keys.get, ("sensor", "range", "nominal")))
-
-
-def declared(arguments, calibration=None, layout=None):
-    """Return the keywords of `Declared` that the options give, without the scales of counts.
-
-    Raw units without an option are those of the calibration, if one is given; all else without an
-    option is taken from `layout`, the declaration of the calibration's log.
-    """
-    keys, found = declared_keys(arguments), dict(layout or {})
-    # a log without declared units is in SI, and increments declare theirs
-    own = raw_units(calibration).items()
-    units = {q: u.name for q, u in own if u.scale != 1} | found.get("units", {})
-    what = {"units": units | keys.get("units", {})}
-    what["columns"] = found.get("columns", {}) | keys.get("columns", {})
-    return what | {key: keys.get(key, found.get(key)) for key in ("format", "rate")}
-
-
-def raw_units(calibration=None):
-    """Return the RawUnit of each sensor of a calibration, if one is given, by its quantity."""
-    parts = PARTS.items() if calibration else ()
-    return {quantity: getattr(calibration, sensor).raw_unit for quantity, sensor in parts}
-
-
-def log_samples(log, arguments, folder, calibration=None):
+def write_samples(log, declared, folder, calibration=None):
     """Return the path of the samples of a log, and the content of its quality.json, if any.
 
-    A samples.parquet of ingest is used as it is; a raw log is read into `folder`.
+    A samples.parquet of ingest is used as it is; a raw log is read into `folder`. `declared` are
+    keys of a config. What they do not say is taken from the log of the calibration, if one is
+    given: its units and columns.
     """
-    paths = files_of(log)
-    for path in paths:
-        if not path.exists():
-            raise ImuloopError(f"{path}: there is no such file")
-    if len(paths) == 1 and log.suffix == ".parquet" and log.is_file() and is_samples(log):
-        beside = log.with_name("quality.json")
-        return log, read_json(beside) if beside.is_file() else {}
+    log.refuse_no_log()
+    if path := log.samples_path():
+        beside = path.with_name("quality.json")
+        return path, read_json(beside) if beside.is_file() else {}
     samples, quality = folder / "samples.parquet", folder / "quality.json"
-    known, figures = calibration.log if calibration else {}, figures_of(arguments)
-    nominal = figures["nominal"]
-    for quantity, unit in raw_units(calibration).items():
-        own = {"scale": unit.scale, "offset": unit.offset}
-        nominal[quantity] = own | nominal.get(quantity, {})
-    full_scale = known.get("full_scale", {}) | figures["full_scale"]
+    known, figures = calibration.log if calibration else {}, known_figures(declared)
+    parts = PARTS.items() if calibration else ()
+    raw = {quantity: getattr(calibration, sensor).raw_unit for quantity, sensor in parts}
+    counts = {quantity: {"scale": u.scale, "offset": u.offset} for quantity, u in raw.items()}
+    # a log without declared units is in SI, and increments declare theirs
+    units = {"units": {quantity: unit.name for quantity, unit in raw.items() if unit.scale != 1}}
 
-    def read(layout=None):
+    def read(layout):
         """Ingest the log with the declaration `layout`; return samples path and quality."""
+        keys = merge(merge(units, layout), declared)
         ingest(
             device=calibration.device if calibration else "log",
-            session=name_of(log),
+            session=log.name,
             # the motion of the device is not known
             kind=None,
-            paths=paths,
+            paths=log.paths,
             samples_path=samples,
             quality_path=quality,
             declared=Declared(
-                nominal=nominal,
-                full_scale=full_scale,
-                **declared(arguments, calibration, layout),
+                nominal=merge(counts, figures["nominal"]),
+                full_scale=known.get("full_scale", {}) | figures["full_scale"],
+                **{key: keys[key] for key in OF_LOGS if key in keys},
             ),
         )
         return samples, read_json(quality)
 
-    if known and known.get("format") in (None, _format(log)):
-        # a log without the columns of the calibration's log is read without its declaration
-        with suppress(ImuloopError):
-            return read(known)
-    return read()
-
-
-def _format(log):
-    """Return the format that a log shows, or None."""
+    # a log without the columns of the calibration's log is read without its declaration
     with suppress(ImuloopError):
-        return guess_format(log if isinstance(log, dict) else {"log": log})
+        if known and known.get("format") in (None, guess_format(log.files)):
+            return read(known)
+    return read({})
 
 
-def is_samples(path):
-    """Return whether a Parquet file holds samples as ingest writes them."""
-    if no_log(path):
-        return False
-    try:
-        return "raw_units" in read_metadata(path)
-    except (ValueError, OSError):
-        return False
+def read_log(log, declared, calibration=None):
+    """Return a log's samples, their metadata and quality; ImuloopError if it is rejected."""
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        path, quality = write_samples(log, declared, Path(folder), calibration)
+        log.refuse_rejected(quality)
+        return read_samples(path), read_metadata(path), quality
 
 
-def refuse_rejected(log, quality):
-    """Raise an error for a log that ingest rejected, with the reasons."""
-    if quality.get("status") == "rejected":
-        raise ImuloopError(f"{paths_of(log)}: rejected: {'; '.join(quality['reasons'])}")
-
-
-def segmented(samples, kind, rails, stuck):
-    """Return the kind of a log and its segments; without a kind, several poses decide it."""
-    how = kind or "multi_position"
-    segments, found = segment_session(samples, how, SegmentSettings(), rails, stuck)
-    if kind or found["poses"] > 1:
-        return how, segments
-    return "static", segment_session(samples, "static", SegmentSettings(), stuck=stuck)[0]
+def find_segments(samples, metadata, kind):
+    """Return the segments of a log as of a session of a `kind`, and the number of its poses."""
+    faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
+    segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)
+    return segments, figures["poses"]

@@ -14,7 +14,7 @@ from imuloop import __version__
 from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
 from imuloop.commands.options import declared_keys
 from imuloop.core.errors import ImuloopError, one_line
-from imuloop.declaration import check_declared
+from imuloop.declaration import check_declared, gravity_of
 from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
 COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
@@ -37,8 +37,18 @@ def run(argv=None):
     )
     parser.add_argument("--version", action="version", version=f"imuloop {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for each in COMMANDS:
-        each.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for module in COMMANDS:
+        # the docstring of a command's module is its help
+        words, epilog = module.__doc__.split("\n\n", 1)
+        command = commands.add_parser(
+            module.__name__.rpartition(".")[2],
+            help=words.partition(": ")[2].rstrip("."),
+            epilog=epilog,
+            usage="%(prog)s ARGUMENTS [OPTIONS]",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add(command)
+        command.set_defaults(run=module.run)
     # a file's encoding on Windows lacks signs: a question mark for each
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
@@ -47,8 +57,7 @@ def run(argv=None):
         try:
             arguments = parser.parse_args(argv)
             with read_in(COMMAND_LINE):
-                if hasattr(arguments, "columns"):
-                    check_options(parser, arguments)
+                _check_keys(parser, arguments)
                 status = _status(arguments)
         finally:
             # a closed pipe shows here, not when Python ends; -h leaves by SystemExit
@@ -59,10 +68,13 @@ def run(argv=None):
     return status
 
 
-def check_options(parser, arguments):
-    """End with exit status 2 if the options declare of a log what cannot be."""
+def _check_keys(parser, arguments):
+    """Add the declared keys, and gravity or None, to the arguments; end with 2 if one is wrong."""
     try:
-        check_declared(declared_keys(arguments))
+        arguments.declared = declared_keys(arguments)
+        gravity = arguments.declared.pop("gravity", None)
+        arguments.gravity = None if gravity is None else gravity_of(gravity)
+        check_declared(arguments.declared)
     except ImuloopError as error:
         parser.error(str(error))
 

@@ -1,21 +1,18 @@
-"""``imuloop sensors``: the table of sensors, or the figures of one of them."""
+"""``imuloop sensors``: list the sensors whose data sheet is known.
+
+For example:
+  imuloop sensors
+  imuloop sensors icm42688p
+"""
 
 from imuloop.commands.lines import aligned, say
 from imuloop.report.units import MILLIRADIAN, PERCENT, QUANTITIES, data_sheet
 from imuloop.sensors import PARTS, find_sensor, sensor_names
 
-EXAMPLE = """examples:
-  imuloop sensors
-  imuloop sensors icm42688p"""
 
-
-def add(commands, **how):
-    """Add the command and its arguments."""
-    command = commands.add_parser(
-        "sensors", help="list the sensors whose data sheet is known", epilog=EXAMPLE, **how
-    )
+def add(command):
+    """Add the arguments of the command."""
     command.add_argument("name", nargs="?", help="one of them, for its figures")
-    command.set_defaults(run=run)
 
 
 def run(arguments):

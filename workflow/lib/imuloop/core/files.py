@@ -24,7 +24,8 @@ def replaced(path):
     is removed. If the process is killed, the temporary file stays, and the next writer overwrites
     it. Raises a MachineFault if the disk is full.
     """
-    path = Path(path)
+    # of a link the file is replaced that it leads to
+    path = Path(path).resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.partial")
     try:
@@ -36,6 +37,14 @@ def replaced(path):
         raise MachineFault(f"{path} cannot be written: {os.strerror(error.errno)}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def make_folder(path):
+    """Make a folder, with those above it; raise an ImuloopError if the path is a file."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise ImuloopError(f"{path}: a file, where a folder is asked for") from error
 
 
 def refuse_overwriting(targets, sources):

@@ -255,7 +255,8 @@ CHECKS = [
     Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
           "spikes of a single sample: {}", "check the wiring and the logger"),
     Check("saturation", WARNING, _saturated, "samples at the end of the range: {}", "rests, turns "
-          "and moves with them are left out: choose a wider range or turn more slowly"),
+          "and moves with them are left out: choose a wider range or turn more slowly, and declare "
+          "full_scale"),
     Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
           "{}: see columns.acceleration and columns.angular_rate"),

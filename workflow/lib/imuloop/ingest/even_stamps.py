@@ -293,17 +293,19 @@ def rebuilt_line(rows):
     """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
     even, t, why = rows.even, rows.logged, "scatter about a regular clock"
     median, mean = np.median(np.diff(t)) * 1e3, (t[-1] - t[0]) / (len(t) - 1) * 1e3
+    remedy = "; where the sensor itself pauses, give rate in Hz"
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"
     elif median * 1e-3 < HALF * even.step:
         why = _in_bursts(median, mean)
     elif even.complete:
         why += ", no sample is lost"
+        remedy = ""
     if not even:
         return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
     lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
     done = f"t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}"
-    return f"the stamps {why}: {done}; where the sensor itself pauses, give rate in Hz"
+    return f"the stamps {why}: {done}{remedy}"
 
 
 # times of a broken log can be of any size

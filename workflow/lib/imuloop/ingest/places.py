@@ -1,7 +1,7 @@
 """Names of the keys of a log in messages: as keys of a config, options, or Python arguments.
 
 Code writes a key by its path in the config, with a value where there is one: ``columns.time``,
-``units.acceleration: g``, ``rate in Hz``. `for_reader` turns that into ``--columns time=…`` on the
+``units.acceleration: g``, ``rate in Hz``. `for_reader` turns that into ``--columns.time`` on the
 command line and into ``columns={'time': …}`` in Python.
 """
 
@@ -29,9 +29,8 @@ _KEY = re.compile(
     rf"(?<![\w.-])((?:columns|units|nominal|range)\.(?:{_QUANTITY})(?:\.\w+)*"
     rf"|rate(?= in Hz|: \d))(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
-# any other key by itself, and its option
-_ALONE = re.compile(r"(rate|format|sensor|range|columns|units|nominal)(?:\.(\w+))?")
-_OPTIONS = {"columns": "--columns ", "nominal": "--counts "}
+# a key by itself
+_ALONE = re.compile(r"(?:rate|format|sensor|range|columns|units|nominal)(?:\.\w+)*")
 # keys that only a config has
 _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 
@@ -62,9 +61,8 @@ def for_reader(text):
     place = _place.get()
     if place == CONFIG:
         return text
-    if place == COMMAND_LINE and (key := _ALONE.fullmatch(text)) and not _KEY.fullmatch(text):
-        name, part = key.groups()
-        return f"{_OPTIONS.get(name, f'--set {name}.')}{part}" if part else f"--{name}"
+    if place == COMMAND_LINE and _ALONE.fullmatch(text):
+        return f"--{text}"
     named = {COMMAND_LINE: _option, PYTHON: _argument}[place]
     text = _KEY.sub(lambda found: named(*found.groups()), text.replace(PAIR, _PAIRS[place]))
     return _NO_OPTION.sub(r"\g<0> (only in a config)", text)
@@ -72,16 +70,8 @@ def for_reader(text):
 
 def _option(path, value, form):
     """Return the option of the command line for the groups of a match of `_KEY`, text."""
-    key, _, inside = (path or form).partition(".")
-    quantity, given = inside.partition(".")[0], f" {value}" if value else ""
-    value = value.strip("[]").replace(", ", ",") if value else "…"
-    return {
-        "columns": f"--columns {inside}={value}",
-        "units": f"--{quantity.replace('_', '-')}-unit{given}",
-        "nominal": f"--counts {quantity}={value}",
-        "range": "--range",
-        "rate": f"--rate{given}",
-    }.get(key, f"--{form} ")
+    given = value.strip("[]").replace(", ", ",") if value else ""
+    return f"--{path} {given}".rstrip() if path else f"--{form} "
 
 
 def _argument(path, value, form):

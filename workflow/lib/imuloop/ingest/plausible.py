@@ -166,7 +166,7 @@ def cause(e, quantity):
     found = ratio.nearest(readings(e, quantity, "unit") + known)
     steps = [(e.figures["quantisation_step"][name] or 0) / unit.scale for name in ACCELERATION]
     if not found and unit.name in ("m/s^2", "g") and np.allclose(steps, 1, 1e-6):
-        scale = "" if (e.nominal or {}).get(quantity) else f", and nominal.{quantity}"
+        scale = "" if (e.nominal or {}).get(quantity) else f", and nominal.{quantity}.scale"
         found = f"taken as {unit.name}, whole numbers that look like counts; declare units."
         found += f"{quantity}: count{scale}; see units.angular_rate too"
     return found and f"{ratio.words}: {found}"

@@ -58,6 +58,8 @@ def apply_file(calibration, source, target, shift=0.0):
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
         raise ImuloopError(f"{target}: give it the ending .csv or .parquet")
+    if not source.is_file():
+        raise ImuloopError(f"{source}: there is no such file")
     refuse_overwriting([target], [source])
     samples = Samples(source)
     try:
