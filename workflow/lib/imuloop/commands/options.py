@@ -4,6 +4,7 @@ import argparse
 import json
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE
 from imuloop.ingest.spellings import UNITS
 from imuloop.sensors import PARTS
 
@@ -22,6 +23,13 @@ OF_LOG = {
     **{f"nominal.{quantity}.scale": "SI units per count" for quantity in PARTS},
     **{f"nominal.{quantity}.offset": "the count at zero" for quantity in PARTS},
 }
+# shorter words for options that have one value
+SHORT = {f"--{quantity.replace('_', '-')}-unit": f"--units.{quantity}" for quantity in UNITS} | {
+    "--latitude": "--gravity.latitude",
+    "--height": "--gravity.height",
+}
+# options that several words KEY=VALUE follow, with the start of the keys
+SEVERAL = {"--set": "", "--columns": "columns.", "--counts": "nominal."}
 GRAVITY = {
     "gravity": "local gravity, m/s^2; default: {}",
     "gravity.latitude": "degrees: it is computed for a place",
@@ -44,12 +52,48 @@ def add_arguments(command, gravity=""):
         )
 
 
+def expand_shorthands(words):
+    """Return the words of a command line with shorthands written as keys of a config, a list.
+
+    ``--set units.time=ms rate=100`` becomes ``--units.time ms --rate 100``, and ``--time-unit ms``
+    becomes ``--units.time ms``. ``--range 16g,2000deg/s`` becomes an option for each sensor, and
+    ``--counts acceleration=SCALE,OFFSET`` the unit, the scale and the offset of a count.
+    """
+    expanded, start = [], None
+    for word in words:
+        key, equals, value = word.partition("=")
+        if word in SEVERAL:
+            start = SEVERAL[word]
+        elif start == "nominal." and equals and not key.startswith("--"):
+            scale, _, offset = value.partition(",")
+            expanded += [f"--units.{key}", "count", f"--nominal.{key}.scale", scale]
+            expanded += [f"--nominal.{key}.offset", offset] if offset else []
+        elif start is not None and equals and not key.startswith("--"):
+            expanded += [f"--{start}{key}={value}"]
+        elif expanded and expanded[-1] == "--range":
+            units = dict(zip(PARTS, (ACCELERATION, ANGULAR_RATE), strict=True))
+            ranges = {
+                quantity: part.strip()
+                for part in word.split(",")
+                for quantity in PARTS
+                if part.strip().lstrip("±.0123456789 ") in units[quantity]
+            }
+            # what is no range keeps the option, which the parser refuses
+            expanded = expanded[:-1] if ranges else expanded
+            expanded += [w for q, size in ranges.items() for w in (f"--range.{q}", size)] or [word]
+        else:
+            start = None
+            expanded.append(SHORT.get(key, key) + equals + value)
+    return expanded
+
+
 def read_value(text):
     """Return the value of an option: as JSON reads it, else a list if there are commas, or text."""
     try:
         return json.loads(text)
     except ValueError:
-        return [*map(read_value, text.split(","))] if "," in text else text
+        parts = text.strip("[] ").split(",")
+        return [read_value(part.strip()) for part in parts] if len(parts) > 1 else text
 
 
 def declared_keys(arguments):

@@ -12,7 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
 from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
-from imuloop.commands.options import declared_keys
+from imuloop.commands.options import declared_keys, expand_shorthands
 from imuloop.core.errors import ImuloopError, one_line
 from imuloop.declaration import check_declared, gravity_of
 from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
@@ -55,7 +55,8 @@ def run(argv=None):
     status = 0
     try:
         try:
-            arguments = parser.parse_args(argv)
+            words = sys.argv[1:] if argv is None else argv
+            arguments = parser.parse_args(expand_shorthands(words))
             with read_in(COMMAND_LINE):
                 _check_keys(parser, arguments)
                 status = _status(arguments)
