@@ -2,8 +2,9 @@
 
 import re
 from contextlib import suppress
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,7 @@ from imuloop.ingest.text_layout import (
     decoded,
     find_layout,
     is_number,
+    parts_of,
     unpacked,
     unreadable,
 )
@@ -157,23 +159,13 @@ def text_columns(source, layout, positions, log, stamps):
     The first `stamps` of the columns at `positions` are stamps, as in `stamp_array`, the others
     float64. `log` counts bad lines and bytes.
     """
-    text = unpacked(source)
-    del text[: layout.start]
-    if comments := _LAST_COMMENTS.search(text, max(0, len(text) - _LONGEST_END)):
-        del text[comments.start() + 1 :]
-    if not text.isascii() or b"\0" in text:
-        text = text.translate(_ASCII)
-    log.text_bytes += _weight(text)
-    if b'"' in text:
-        text = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), text)
-    for pattern, replacement in layout.rewrites:
-        text = re.sub(pattern, replacement, text)
     kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
     kinds += [pa.float64()] * len(positions[stamps:])
-    # text among the numbers spoils its own row alone, and a line may be longer than a block
-    for types, block in ((kinds, _BLOCK), ([pa.string()] * len(positions), len(text) + 1)):
+    # text among the numbers spoils its own row alone
+    for types in (kinds, [pa.string()] * len(positions)):
+        weights, lost = [], []
         try:
-            columns, lost = _parsed(text, layout, positions, types, block)
+            columns = _parsed(_blocks(source, layout, weights), layout, positions, types, lost)
             break
         except pa.ArrowInvalid as error:
             fault = error
@@ -183,6 +175,7 @@ def text_columns(source, layout, positions, log, stamps):
         _check_headers([layout.names[at] for at in positions], columns)
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
+    log.text_bytes += sum(weights)
     if stamps and all(column.null_count for column in columns):
         # drop rows without a stamp and any value, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
@@ -197,11 +190,40 @@ def _stamp_kind(layout, at):
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 
-def _parsed(text, layout, positions, kinds, block):
-    """Return columns of these types of a text, and the lines that are not rows."""
-    lost, names = [], [str(i) for i in positions]
-    every, block = [str(i) for i in range(len(layout.names))], min(block, np.iinfo(np.int32).max)
-    reading = pyarrow.csv.ReadOptions(column_names=every, block_size=block, use_threads=False)
+def _blocks(source, layout, weights):
+    """Give the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
+
+    The weight of each block is added to the list `weights`.
+    """
+    text, skipped = bytearray(), layout.start
+    # the empty part is the end
+    for part in chain(parts_of(source, _BLOCK), [b""]):
+        text += part[skipped:]
+        skipped, end = 0, len(text)
+        if part:
+            # the last lines wait: comments may follow them
+            end = max(end - _LONGEST_END, 0)
+            end = text.rfind(b"\n", max(end - len(part), 0), end) + 1
+        elif comments := _LAST_COMMENTS.search(text, max(0, end - _LONGEST_END)):
+            end = comments.start() + 1
+        block = bytes(text[:end])
+        del text[:end]
+        if not block.isascii() or b"\0" in block:
+            block = block.translate(_ASCII)
+        weights.append(_weight(block))
+        if b'"' in block:
+            block = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), block)
+        for pattern, replacement in layout.rewrites:
+            block = re.sub(pattern, replacement, block)
+        if block:
+            yield block
+
+
+def _parsed(blocks, layout, positions, kinds, lost):
+    """Return columns of these types of a text in blocks; lines that are no rows go to `lost`."""
+    names, every = [str(i) for i in positions], [str(i) for i in range(len(layout.names))]
+    # its size is no limit of the blocks, so that no line is longer than one
+    reading = pyarrow.csv.ReadOptions(column_names=every, block_size=_BLOCK, use_threads=False)
     parsing = pyarrow.csv.ParseOptions(
         delimiter="\t" if layout.separator == BLANKS else layout.separator,
         invalid_row_handler=lambda row: lost.append(row.text.encode()) or "skip",
@@ -211,8 +233,12 @@ def _parsed(text, layout, positions, kinds, block):
         include_columns=list(dict.fromkeys(names)),
         **_CONVERTING,
     )
-    table = pyarrow.csv.read_csv(pa.BufferReader(text or b"\n"), reading, parsing, converting)
-    return [table[name].combine_chunks() for name in names], lost
+    file = SimpleNamespace(read=lambda size: next(blocks, b""), closed=False)
+    table = pyarrow.csv.read_csv(file, reading, parsing, converting)
+    columns = [table[name] for name in names]
+    del table
+    # the pieces of a column are freed before those of the next are joined
+    return [columns.pop(0).combine_chunks() for _ in names]
 
 
 def _check_headers(names, columns):
@@ -237,4 +263,4 @@ def _numbers(text):
 
 def _weight(text):
     """Return the number of bytes of a text but zeros, erased memory and blanks."""
-    return len(text) - text.count(_EMPTY) - text.count(b" ")
+    return len(text) - sum(text.count(each) for each in (_EMPTY, b" ") if each in text)

@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
@@ -125,20 +124,29 @@ def _are_units(fields):
 
 def unpacked(source, most=None):
     """Return the text of a file, unpacked, or of bytes: its first bytes, if `most` are wanted."""
-    packed = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
     text = bytearray()
+    for part in parts_of(source, LONGEST_LINE):
+        text += part
+        if most and len(text) >= most:
+            break
+    return text[:most]
+
+
+def parts_of(source, size):
+    """Give the text of a file, unpacked, or of bytes, in parts of `size` bytes."""
+    packed, total = len(source) if isinstance(source, bytes) else Path(source).stat().st_size, 0
     try:
         stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
         head = stream.read(max(map(len, _PACKINGS)))
         stream.seek(0)
         packing = next((name for start, name in _PACKINGS.items() if head.startswith(start)), None)
         with pa.CompressedInputStream(stream, packing) if packing else stream as file:
-            while (part := file.read(LONGEST_LINE)) and len(text) < (most or np.inf):
-                text += part
-                check_unpacked(packed, len(text))
+            while part := file.read(size):
+                total += len(part)
+                check_unpacked(packed, total)
+                yield part
     except OSError as error:
         raise unreadable(error) from error
-    return text[:most]
 
 
 def unreadable(error):
