@@ -6,6 +6,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
 # no log packs better than this
 MOST_TIMES = 200
+SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 
 
 def check_unpacked(packed, unpacked):

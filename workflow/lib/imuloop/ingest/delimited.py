@@ -16,6 +16,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
+from imuloop.ingest.formats import IN_FOLDER
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, names_device
 from imuloop.ingest.stamps import no_stamps, stamp_array
@@ -32,9 +33,6 @@ from imuloop.ingest.text_layout import (
     unreadable,
 )
 
-ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
-# the table in a folder of EuRoC
-IN_FOLDER = "data.csv"
 # a line with an open quote
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
 # lines of comments at the end, and the bytes in which they are looked for

@@ -12,8 +12,6 @@ from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.tables import HEAD_ROWS
 from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, unpacked
 
-ENDINGS = (".jsonl", ".ndjson", ".json")
-
 
 def read(paths, columns=None):
     """Read JSON lines; a compressed file is unpacked.

@@ -28,7 +28,6 @@ _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
 _PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"\x28\xb5\x2f\xfd": "zstd", b"\4\x22M\x18": "lz4"}
-SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 _BINARY = "the file is binary, or UTF-16: save it as UTF-8, or give format: NAME"
 _NO_ROWS = "the file has no rows, or lines alone that begin as comments do, with #, % or //"
 _NO_TABLE = "the file is not a table of numbers in rows and columns: save it as CSV"
