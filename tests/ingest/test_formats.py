@@ -231,9 +231,9 @@ SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4
 IMU = "TimeUS,AccX,AccY,AccZ,GyrX,GyrY,GyrZ"
 
 
-def dataflash(folder, stamps, values, code="d", kind=np.asarray, form=written.binary):
+def dataflash(folder, stamps, values, code="d", kind=np.asarray):
     rows = [(t, *row) for t, row in zip(us(stamps).tolist(), kind(values).tolist(), strict=True)]
-    (folder / "log.bin").write_bytes(form(("IMU", ("Q" + 6 * code, IMU), rows)))
+    (folder / "log.bin").write_bytes(written.binary(("IMU", ("Q" + 6 * code, IMU), rows)))
     return folder / "log.bin"
 
 
@@ -293,9 +293,6 @@ ROUND_TRIPS = {
     **{f"ulog, {topic}": RoundTrip(partial(ulog, topic=topic), us, as_type("f4"))
        for topic in ("combined", "single sensors")},
     **dict(dataflash_rows()),
-    "dataflash, text": RoundTrip(
-        partial(dataflash, form=written.text),
-        lambda t: us(t).astype(float), declared={"format": "dataflash"}),
 }  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from ingest.text_forms import (
     in_latin_1,
     inserted,
     named,
-    of_each,
     quoted,
     row_of_units,
     spaced,
@@ -124,9 +123,6 @@ WAYS = {
     "signs turned by name": (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz)), TURNED),
     "signs turned by number":
         (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz), header=False), BY_NUMBER),
-    **{f"a row of each sensor, its name {at}, {end!r}":
-           (lambda log, at=at, end=end: of_each(log, at, end), {})
-       for at in (0, 4) for end in ("\n", "\r\n")},
     **{f"Gyroflow, {how}": (partial(gyroflow, **how), {}, (), {}, ROUNDED)
        for how in ({}, {"tick": 0.0025}, {"tick": 1e-4}, {"tick": 1e-6}, {"head": "CAMERA"})},
     **{f"lines before a table: {line}":

@@ -18,18 +18,14 @@ from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
 from imuloop.ingest.formats import IN_FOLDER
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, names_device
+from imuloop.ingest.spellings import TABLE, names_device
 from imuloop.ingest.stamps import no_stamps, stamp_array
-from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
+from imuloop.ingest.tables import doubles, stated_units, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
-    COMMENT,
     MISSING,
-    decoded,
     find_layout,
-    is_number,
     parts_of,
-    unpacked,
     unreadable,
 )
 
@@ -37,8 +33,6 @@ from imuloop.ingest.text_layout import (
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
 # lines of comments at the end, and the bytes in which they are looked for
 _LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
-# most texts in a column that names the sensors
-_KINDS = 20
 _CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
 # bytes that are parsed at once
 _BLOCK = 1 << 22
@@ -59,8 +53,6 @@ def read(paths, columns=None):
         if not path.is_file():
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
-    if parts := _by_sensor(path, layout):
-        return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
     chosen, count = resolve(layout.names, columns, layout.headed), RawLog()
     _refuse_devices(layout, chosen)
@@ -78,36 +70,6 @@ def read(paths, columns=None):
             fault = no_stamps(stamps, layout.names[at])
             raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
     return log
-
-
-def _by_sensor(source, layout):
-    """Return sensor -> header and rows of it, of a table with its name in a column; else nothing.
-
-    The header is the table's, or a comment that begins as these rows do.
-    """
-    for at in range(len(layout.names)):
-        texts = {row[at] for row in layout.rows if at < len(row) and not is_number(row[at])}
-        if len(texts) <= _KINDS and any(map(named_sensor, texts)):
-            break
-    else:
-        return {}
-    heads, rows = {}, {}
-    # one sensor's rows may all come before the other's
-    for line in decoded(bytes(unpacked(source))).split("\n"):
-        bare = COMMENT.sub("", line, count=1)
-        fields = bare.split(layout.separator)
-        if len(fields) > at:
-            (rows if bare == line else heads).setdefault(fields[at].strip(), []).append(bare)
-    parts, header = {}, [layout.separator.join(layout.names)] * layout.headed
-    for quantity in SENSORS:
-        names = [name for name in rows if named_sensor(name) == quantity]
-        # uncalibrated values go first
-        names = [name for name in names if "uncal" in name.lower()] or names
-        if len(names) != 1:
-            return {}
-        lines = heads.get(names[0], header)[:1] + rows[names[0]]
-        parts[quantity] = "\n".join(lines).encode()
-    return parts
 
 
 def _refuse_devices(layout, chosen):

@@ -69,8 +69,7 @@ FORMATS = {
     ),
     "phone": LogFormat("phone.read", (".zip",), (b"PK\x03\x04",)),
     "ulog": LogFormat("ulog.read", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",)),
-    # text logs end in .log as other tables do
-    "dataflash": LogFormat("dataflash.read", (".bin",), (b"\xa3\x95\x80", b"FMT, 128")),
+    "dataflash": LogFormat("dataflash.read", (".bin",), (b"\xa3\x95\x80",)),
 }
 READERS = {form.module for form in FORMATS.values()}
 # readers that read text by the reader of text tables
@@ -83,6 +82,7 @@ _NO_LOGS = {
         "the file is a pointer of Git LFS, not the log that it stands for: fetch that with git lfs "
         "pull"
     ),
+    b"FMT, 128": "DataFlash as text is not read: give the binary log, .bin, that it was made from",
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
