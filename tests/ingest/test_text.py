@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from imuloop.ingest import delimited
 from ingest.figures import check_figures
 from ingest.logs import FORCE, RATE
 from ingest.text_forms import (
@@ -177,3 +178,11 @@ def test_a_temperature_in_fahrenheit_is_read(log, run, tmp_path):
     (tmp_path / "log.csv").write_text(text(log), encoding="utf-8")
     samples = run(tmp_path / "log.csv").samples
     np.testing.assert_allclose(samples.temperature, 22.0 + log.t, rtol=1e-12)
+
+
+def test_a_text_that_is_read_in_blocks_loses_no_row(log, run, same, tmp_path, monkeypatch):
+    monkeypatch.setattr(delimited, "_BLOCK", 1000)
+    path = tmp_path / "log.csv"
+    for end in ("", "# the end\n% of the log", "x" * 1500):
+        path.write_text(f"# a logger\n{log.to_csv(index=False)}{end}")
+        same(run(path), log)

@@ -14,7 +14,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.core.samples import TEMPERATURE, own_metadata, refuse_calibrated
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import STAMP, resolve
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
 from imuloop.ingest.tables import stated_units, table_log
@@ -26,8 +26,6 @@ _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
 # fields by which SciPy gives an object of MATLAB, and why it is not read
 _OBJECT = ("s0", "s1", "s2", "arr")
 _OF_MATLAB = "a MATLAB {}, which only MATLAB reads: save its columns as variables"
-# first bytes of a MATLAB file: HDF5 begins after 512 bytes of MATLAB's text
-_HEAD = 1024
 
 
 # --- Arrow: columns have one length, and any type
@@ -193,7 +191,7 @@ def read_matlab(paths, columns=None):
     The fields of a struct are ``STRUCT.FIELD``.
     """
     with open(path := paths["log"], "rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(LONGEST_LINE)
     if b"\x89HDF\r\n\x1a\n" in head:
         return _log(_matlab_73(path), columns)
     # the order of bytes of version 5

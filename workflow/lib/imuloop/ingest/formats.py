@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
-from imuloop.ingest.damage import SPREADSHEET, read_whole
+from imuloop.ingest.damage import LONGEST_LINE, SPREADSHEET, read_whole
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
@@ -86,8 +86,6 @@ _NO_LOGS = {
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
-# bytes that hold two lines of JSON
-_HEAD = 1 << 14
 
 
 def find_format(name, paths):
@@ -181,5 +179,5 @@ def _head(path):
     with suppress(OSError):
         if Path(path).is_file():
             with open(path, "rb") as file:
-                return file.read(_HEAD)
+                return file.read(LONGEST_LINE)
     return b""

@@ -90,9 +90,9 @@ def _candidates(x, step):
     for first in range(0, len(x) - 2 * _EDGE, _PART):
         distance = _distance(x[first : first + _PART + 2 * _EDGE])
         inner = distance[REACH:-REACH]
-        candidate = inner > OF_NOISE * step
+        candidate, twice = inner > OF_NOISE * step, 2 * distance
         for d in (-5, -3, 3, 5):
-            candidate &= inner > 2 * distance[REACH + d : len(distance) - REACH + d]
+            candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
         found.append(np.flatnonzero(candidate) + first + _EDGE)
     return np.concatenate(found)
 

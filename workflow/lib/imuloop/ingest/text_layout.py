@@ -9,11 +9,9 @@ from pathlib import Path
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# bytes of a file that show its layout; without a line end in them the file is not a table
-LONGEST_LINE = 1 << 16
 # rows by which a separator is judged, at least
 _JUDGED = 64
 BLANKS = " "
