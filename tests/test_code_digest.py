@@ -54,12 +54,12 @@ def digest(tmp_path):
     """Return a function: digest of the stage in a fresh copy of FILES, some of them changed."""
     serial = count()
 
-    def of(changes=()):
+    def of(changes=(), **options):
         found = tmp_path / str(next(serial))
         for name, text in {**FILES, **dict(changes)}.items():
             (found / name).parent.mkdir(parents=True, exist_ok=True)
             (found / name).write_text(text)
-        return code_digest(found / "stage.py", "named", library=found / "lib")
+        return code_digest(found / "stage.py", "named", library=found / "lib", **options)
 
     return of
 
@@ -71,6 +71,14 @@ def test_a_stage_depends_on_its_packages_alone(digest):
     assert {after(*change) for change in SAME} == {digest()}
     changed = {after(*change) for change in OTHER}
     assert len(changed) == len(OTHER) and digest() not in changed
+
+
+def test_modules_that_a_job_does_not_use_do_not_count(digest):
+    edited = {name: f"{FILES[name]}x = 1\n" for name in ("lib/stage/b.py", "lib/stage/a.py")}
+    without = digest(without={"b"})
+    assert digest() != without
+    assert digest({"lib/stage/b.py": edited["lib/stage/b.py"]}, without={"b"}) == without
+    assert digest({"lib/stage/a.py": edited["lib/stage/a.py"]}, without={"b"}) != without
 
 
 def test_the_text_of_a_docstring_does_not_count(digest):
@@ -94,7 +102,7 @@ def test_each_rule_names_the_packages_that_its_stage_imports(repository):
     tree = ast.parse((repository / "workflow/lib/imuloop/chain.py").read_text())
     used = {node.name: names_in(node) for node in tree.body if isinstance(node, ast.FunctionDef)}
     rules = "".join(path.read_text() for path in repository.glob("workflow/rules/*.smk"))
-    scripts = re.findall(r'code\("(\w+)\.py"((?:, "\w+")*)\)', rules)
+    scripts = re.findall(r'code\("(\w+)\.py"((?:, "\w+")*)[,)]', rules)
     assert len(scripts) == len([*repository.glob("scripts/*.py")]) - 1  # not of ingest_fetch
     for stem, named in scripts:
         waiting, seen = names_in(ast.parse((repository / f"scripts/{stem}.py").read_text())), set()

@@ -128,10 +128,9 @@ def with_metadata(content):
 # --- a matrix alone
 
 
-def matrix(path, log, save, first=ACCELERATION, wide=False, unit=1.0):
-    """Seven columns of time and the sensors, or ten, in another unit."""
-    rest = RATE if first == ACCELERATION else ACCELERATION
-    table = [log.t, log[[*first, *rest]] / unit, np.zeros((len(log), 3 * wide))]
+def matrix(path, log, save, wide=False):
+    """Seven columns of time and the sensors, or ten."""
+    table = [log.t, log[[*ACCELERATION, *RATE]], np.zeros((len(log), 3 * wide))]
     table = np.column_stack(table)
     save(path, table if save in (np.save, np.savez) else {"data": table})
 
@@ -173,9 +172,6 @@ READ = {
     "the second ax.parquet": (partial(parquet, names=["ax"]),
                               {"columns": {"acceleration": [2, 3, 4]}}, 1),
     "text of numbers.parquet": (partial(parquet, t=TEXT), {}, 1),
-    **{f"{save.__name__}, {first[0]} first.{end}": (partial(matrix, save=save, first=first), {}, 1,
-                                                    "which gravity tells apart")
-       for first in (ACCELERATION, RATE) for save, end in MATRIX},
     **{f"{save.__name__}, declared.{end}": (partial(matrix, save=save, wide=True), BY_NUMBER, 1)
        for save, end in MATRIX},
 }  # fmt: skip
@@ -234,10 +230,9 @@ REFUSED = {
     "lists.parquet": (partial(parquet, t=[[0.0]] * 500), {}, True, "column 't' holds .*stamps"),
     "two.parquet": (partial(parquet, names=["ax"]), {}, True, "both look .* number from 0 to 7"),
     "metadata.parquet": (with_metadata(b"[]"), {}, False, "is damaged, or not of the format"),
-    # in g gravity does not tell, as 1 is the size of many things
     **{f"{how}.{end}": (partial(matrix, save=save, **more), {}, True, line)
        for save, end in ((np.save, "npy"), (matlab_5, "mat"))
-       for how, more, line in (("g", {"unit": 9.80665}, "no header, 7 columns"),
+       for how, more, line in (("seven", {}, "no header, 7 columns"),
                                ("wide", {"wide": True}, r"10 columns.*, such as \[1, 2, 3\]"))},
     "torn.parquet": (content(b"PAR1 and nothing"), {}, False, "is damaged, or not of the format"),
     "large.parquet": (partial(parquet, t=LARGE), {}, False, r"stamps of 2\^63 and more are not"),

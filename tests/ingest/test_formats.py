@@ -9,6 +9,7 @@ import csv
 import gzip
 import io
 import json
+import re
 import zipfile
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,7 +23,14 @@ from backports import zstd
 from imuloop import config_model
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
-from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
+from imuloop.ingest.formats import (
+    FORMATS,
+    READERS,
+    SIGNATURES,
+    find_format,
+    guess_format,
+    unused_readers,
+)
 from imuloop.ingest.stamps import stamp_values
 from ingest import written
 
@@ -223,9 +231,9 @@ SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4
 IMU = "TimeUS,AccX,AccY,AccZ,GyrX,GyrY,GyrZ"
 
 
-def dataflash(folder, stamps, values, code="d", kind=np.asarray, form=written.binary):
+def dataflash(folder, stamps, values, code="d", kind=np.asarray):
     rows = [(t, *row) for t, row in zip(us(stamps).tolist(), kind(values).tolist(), strict=True)]
-    (folder / "log.bin").write_bytes(form(("IMU", ("Q" + 6 * code, IMU), rows)))
+    (folder / "log.bin").write_bytes(written.binary(("IMU", ("Q" + 6 * code, IMU), rows)))
     return folder / "log.bin"
 
 
@@ -285,9 +293,6 @@ ROUND_TRIPS = {
     **{f"ulog, {topic}": RoundTrip(partial(ulog, topic=topic), us, as_type("f4"))
        for topic in ("combined", "single sensors")},
     **dict(dataflash_rows()),
-    "dataflash, text": RoundTrip(
-        partial(dataflash, form=written.text),
-        lambda t: us(t).astype(float), declared={"format": "dataflash"}),
 }  # fmt: skip
 
 
@@ -310,8 +315,8 @@ def test_every_bit_comes_back(hard, tmp_path, way):
     stamps, values = hard
     path = way.write(tmp_path, stamps, values)
     paths = path if isinstance(path, dict) else {"log": path}
-    _, form = find_format(way.declared.get("format"), paths)
-    table = form.read(paths, None).batch
+    _, read = find_format(way.declared.get("format"), paths)
+    table = read(paths, None).batch
     read = np.column_stack([table[name] for name in SIX])
     assert read.dtype == float
     np.testing.assert_array_equal(read.view("u8"), way.values(values).astype(float).view("u8"))
@@ -347,3 +352,41 @@ def test_a_file_that_is_not_there_is_known_by_its_name():
     assert guess_format({"acceleration": "a.mat", "angular_rate": "b.mat"}) == "imu_tk"
     with pytest.raises(ImuloopError, match="does not say its format"):
         guess_format({"log": "log.unknown"})
+
+
+# --- which readers a session depends on
+
+TEXT, BAG = {"delimited"}, {"ros"}
+DEPENDS = {
+    "text": ({}, {"log": "log.csv.gz"}, TEXT),
+    "text on both": ({}, {"acceleration": "a.txt", "angular_rate": "b.txt"}, TEXT),
+    "a bag": ({}, {"log": "log.bag"}, BAG),
+    "a zip of text tables": ({}, {"log": "log.zip"}, {"phone", "delimited"}),
+    "a declared format": ({"format": "ulog"}, {"log": "log.csv"}, {"ulog"}),
+    "marks in text": ({}, {"log": "log.bag", "pps": "marks.dat"}, BAG | TEXT),
+    "marks in the log": ({"pps": {"counter": "c"}}, {"log": "log.bag"}, BAG | TEXT),
+    "a reference": (
+        {"reference": {"format": "tsv"}},
+        {"log": "a.bag", "reference": "b"},
+        BAG | TEXT,
+    ),
+    "no ending that is known": ({}, {"log": "log.xyz"}, READERS),
+}
+
+
+@pytest.mark.parametrize(("declared", "paths", "readers"), DEPENDS.values(), ids=DEPENDS)
+def test_a_session_depends_on_the_readers_of_its_files(declared, paths, readers):
+    session = {"format": None, "reference": {}, "pps": {}} | declared
+    assert READERS - unused_readers(session, paths) == readers
+
+
+def test_no_other_module_imports_a_reader(repository):
+    """Protects: an edit of a reader reruns each session whose samples may change."""
+    found = {}
+    for path in repository.glob("workflow/lib/imuloop/ingest/*.py"):
+        imports = re.findall(r"from imuloop\.ingest(?:\.(\w+))? import (.*)", path.read_text())
+        names = {name for each in imports for name in re.findall(r"\w+", " ".join(each))}
+        found[path.stem] = names & READERS
+    with_text = dict.fromkeys(("pps", "arrays", "json_lines", "phone"), TEXT)
+    expected = with_text | {"formats": {"json_lines"}}
+    assert {name: readers for name, readers in found.items() if readers} == expected

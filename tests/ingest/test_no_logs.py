@@ -110,6 +110,7 @@ CASES = {
     "spoilt.parquet": (spoilt, BROKEN),
     "log.zip": (lambda path: path.write_bytes(b"PK\3\4" + bytes(99)), BROKEN),
     "log.ulg": (lambda path: path.write_bytes(b"ULog\x01\x12\x35" + bytes(30)), "no rows of"),
+    "flight.log": (lambda path: path.write_bytes(b"FMT, 128, 89, FMT"), "give the binary log"),
     "old.feather": (lambda path: path.write_bytes(b"FEA1" + bytes(99)), "is Feather of version 1"),
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.streams import Stream, raw_log
 from ingest.logs import FORCE, RATE, brief
 from ingest.test_formats import zipped
-from ingest.text_forms import SIX, lines, text
+from ingest.text_forms import SIX, text
 from ingest.written import phyphox, sensor_logger, timed
 from ingest.written import table as csv_table
 
@@ -233,20 +233,6 @@ def in_zip(folder, log, count):
     return [zipped(folder, members | {"rec/notes.md": "at noon"})]
 
 
-def rows_of_each(folder, log):
-    """Rows of both sensors in turn, with names and with comments that name their columns."""
-    every = ["# Fix,provider,time"]
-    every += ["# UncalAccel,elapsedRealtimeNanos,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2"]
-    every += ["# UncalGyro,elapsedRealtimeNanos,GyroXRadPerSec,GyroYRadPerSec,GyroZRadPerSec"]
-    force, rate = (x.assign(t=(1e9 * x.t).round().astype(int)) for x in apart(log))
-    tables = {"UncalAccel": force.assign(bias=0.0), "UncalGyro": rate}
-    for rows in zip(*(lines(table, header=False) for table in tables.values()), strict=True):
-        every += [f"{name},{row}" for name, row in zip(tables, rows, strict=True)]
-        every.append("Fix,gps,1")
-    (folder / "log.txt").write_text("\n".join(every))
-    return [folder / "log.txt"]
-
-
 XYZ = {"columns": {"acceleration": [*"xyz"], "angular_rate": [*"xyz"]}}
 # how both are written, the declaration, the unit of time and its column
 APART = {
@@ -256,7 +242,6 @@ APART = {
                              {"acceleration": "t", "angular_rate": "t (ms)"}),
     "one table in a zip": (partial(in_zip, count=1), {}, "s", "t"),
     "two tables in a zip": (partial(in_zip, count=2), {}, "s", "0"),
-    "rows of each": (rows_of_each, {}, "ns", "elapsedRealtimeNanos"),
 }  # fmt: skip
 
 
@@ -269,21 +254,6 @@ def test_sensors_apart_are_one_log(log, run, tmp_path, name):
     # the sensor whose clock is the log's keeps its values
     assert max(np.isin(done.samples[c], log[c]).mean() for c in ("ax", "gx")) == 1
     assert (done.metadata["units"]["time"], done.quality["columns"]["time"]) == (unit, time)
-
-
-def test_a_table_of_each_sensor_below_the_other_is_read(run, refused, tmp_path):
-    """Protects the second table: of it nothing is in the first rows."""
-    force, rate = apart(brief(3000))
-    every = []
-    for name, table, step in (("Gyro", rate, 0.0025), ("Accel", force[::2], 0.005)):
-        rows = lines(table.assign(t=np.arange(len(table)) * step), header=False)
-        every += ["", "type,host,3DOF_x,3DOF_y,3DOF_z", *(f"{name},{row}" for row in rows)]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join(every))
-    refused(r"no time column of a usual name .*host.* nor as", path)
-    done = run(path, columns={"time": "host"})
-    np.testing.assert_array_equal(done.samples[RATE].iloc[9:99], rate.iloc[9:99, 1:])
-    assert np.isin(done.samples.ax, force.x).all()
 
 
 # --- phones

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from imuloop.ingest import delimited
 from ingest.figures import check_figures
 from ingest.logs import FORCE, RATE
 from ingest.text_forms import (
@@ -20,7 +21,6 @@ from ingest.text_forms import (
     in_latin_1,
     inserted,
     named,
-    of_each,
     quoted,
     row_of_units,
     spaced,
@@ -124,9 +124,6 @@ WAYS = {
     "signs turned by name": (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz)), TURNED),
     "signs turned by number":
         (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz), header=False), BY_NUMBER),
-    **{f"a row of each sensor, its name {at}, {end!r}":
-           (lambda log, at=at, end=end: of_each(log, at, end), {})
-       for at in (0, 4) for end in ("\n", "\r\n")},
     **{f"Gyroflow, {how}": (partial(gyroflow, **how), {}, (), {}, ROUNDED)
        for how in ({}, {"tick": 0.0025}, {"tick": 1e-4}, {"tick": 1e-6}, {"head": "CAMERA"})},
     **{f"lines before a table: {line}":
@@ -181,3 +178,11 @@ def test_a_temperature_in_fahrenheit_is_read(log, run, tmp_path):
     (tmp_path / "log.csv").write_text(text(log), encoding="utf-8")
     samples = run(tmp_path / "log.csv").samples
     np.testing.assert_allclose(samples.temperature, 22.0 + log.t, rtol=1e-12)
+
+
+def test_a_text_that_is_read_in_blocks_loses_no_row(log, run, same, tmp_path, monkeypatch):
+    monkeypatch.setattr(delimited, "_BLOCK", 1000)
+    path = tmp_path / "log.csv"
+    for end in ("", "# the end\n% of the log", "x" * 1500):
+        path.write_text(f"# a logger\n{log.to_csv(index=False)}{end}")
+        same(run(path), log)

@@ -128,12 +128,3 @@ def beside_emg(log):
     emg = pd.DataFrame({"s": np.arange(1500) / 300, "emg": 0.5})
     names = ["X[s]", "EMG1", "X[s]", *(f"{s}1.{a}" for s in ("ACC", "GYRO") for a in "XYZ")]
     return pd.concat([emg, log], axis=1).to_csv(index=False, header=names)
-
-
-def of_each(log, at, end):
-    """Rows of the two sensors in turn, with the sensor's name in a column."""
-    rows = [["t", *"xyz"]]
-    rows += [[row.t, *row[names]] for _, row in log.iterrows() for names in (FORCE, RATE)]
-    for row, name in zip(rows, ["sensor", *["Accel", "Gyro"] * len(log)], strict=True):
-        row.insert(at, name)
-    return end.join(",".join(map(str, row)) for row in rows).encode()

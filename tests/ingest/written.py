@@ -55,15 +55,6 @@ def binary(*messages):
     return log
 
 
-def text(*messages):
-    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
-    for number, (name, (codes, names), _) in enumerate(messages, 0x90):
-        lines.append(f"FMT, {number}, {packed(codes).size}, {name}, {codes}, {names}")
-    for name, _, rows in messages:
-        lines += [", ".join([name, *(str(x) for x in row)]) for row in rows]
-    return ("\n".join(lines) + "\n").encode()
-
-
 # --- ULog, written with the format's own library
 
 TYPES = {"u8": "uint64_t", "f4": "float", "i4": "int32_t", "i2": "int16_t", "u1": "uint8_t"}

@@ -139,6 +139,15 @@ def test_an_edited_module_reruns_the_stages_that_import_it(finished_run, checkou
     )
 
 
+@pytest.mark.parametrize(("reader", "reruns"), [("ros", False), ("delimited", True)])
+def test_an_edited_reader_reruns_ingest_of_its_formats(finished_run, checkout, reader, reruns):
+    module = checkout / f"workflow/lib/imuloop/ingest/{reader}.py"
+    with edit(module, f"{module.read_text()}\nEXTRA = 1\n"):
+        found = planned_jobs(checkout, finished_run[0])
+    ingest = {f"ingest/{device}/{name}" for device, names in SESSIONS.items() for name in names}
+    assert found & ingest == (ingest - {"ingest/new/rest"} if reruns else set())
+
+
 def test_an_edited_template_reruns_its_jobs(finished_run, checkout):
     file = checkout / "workflow/templates/export/left_out.j2"
     with edit(file, f"{file.read_text()}\nX = 1\n"):

@@ -1,6 +1,7 @@
 """The config, read and checked; the values that rules take from it, their memory and time."""
 
 import os
+from functools import cache
 from hashlib import sha256
 from math import ceil
 from pathlib import Path
@@ -13,6 +14,7 @@ from imuloop.core.errors import ImuloopError, nearest
 from imuloop.failures import ATTEMPT, report_failed_run
 from imuloop.family import LEAST
 from imuloop.file_faults import SIMULATED
+from imuloop.ingest.formats import unused_readers
 from imuloop.log_digest import log_digests
 
 # a job is one thread; threads of the linear algebra library would take the other jobs' cores
@@ -59,9 +61,18 @@ wildcard_constraints:
     filename=r"[^/]+",
 
 
-def code(script, *packages):
+@cache
+def code(script, *packages, without=()):
     """Return the digest of the code of a stage: its script, the package of that name, and others."""
-    return code_digest(REPOSITORY / "scripts" / script, *packages)
+    return code_digest(REPOSITORY / "scripts" / script, *packages, without=without)
+
+
+def code_of_ingest(wildcards):
+    """Return the digest of the code of ingest without the readers of formats of other sessions."""
+    session = session_of(wildcards)
+    paths = {role: source_path(source, CACHE) for role, source in session["sources"].items()}
+    unused = () if any(map(is_stored, paths.values())) else unused_readers(session, paths)
+    return code("ingest.py", without=tuple(sorted(unused)))
 
 
 # not empty in a run that is to write the report

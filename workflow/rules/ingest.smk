@@ -37,6 +37,6 @@ rule ingest:
     params:
         device=settings("nominal", "full_scale"),
         log=log_of,
-        code=code("ingest.py"),
+        code=code_of_ingest,
     script:
         "../../scripts/ingest.py"

@@ -15,21 +15,22 @@ _LIBRARY = Path(__file__).resolve().parent
 _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | as |$)", re.M)
 
 
-def code_digest(script, *packages, library=_LIBRARY):
+def code_digest(script, *packages, without=(), library=_LIBRARY):
     """Return the SHA-256 of the code that a stage uses, text.
 
     `script` is the path of the stage's script, and `packages` are the names of further packages of
     the library, whose folder is `library`. The code is: the script; all modules and YAML tables of
     the package with the name of the script, of `packages`, of core, and of each package that one of
     these or the script imports; imported modules next to the packages, such as chain.py; and the
-    versions of packages that are not of the library. Comments, the text of docstrings, and
-    assertions do not count.
+    versions of packages that are not of the library. Comments, the text of docstrings, assertions,
+    and modules of the package of the script with a name in `without` do not count.
     """
     script, library = Path(script), Path(library)
     found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
     while waiting:
         name = waiting.pop()
         if paths := sorted((library / name).rglob("*.py")):
+            paths = [p for p in paths if name != script.stem or p.stem not in without]
             paths += sorted((library / name).rglob("*.yaml"))
             found[name] = [(path.name, _digest(path)) for path in paths]
             waiting.update(*map(_imports, paths))

@@ -12,25 +12,20 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.core.samples import TEMPERATURE, own_metadata, refuse_calibrated
-from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import STAMP, resolve
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
-from imuloop.ingest.tables import HEAD_ROWS, stated_units, table_log
+from imuloop.ingest.tables import stated_units, table_log
 
 # a matrix of samples has no more columns, nor a file of logs groups in each other: wider ones are
 # images or spectra, and libraries are slow or fail in deeper ones
 _WIDEST = _DEEPEST = 64
-# share of gravity by which the median force in a matrix may differ from it
-_NEAR = 0.2
 _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
 # fields by which SciPy gives an object of MATLAB, and why it is not read
 _OBJECT = ("s0", "s1", "s2", "arr")
 _OF_MATLAB = "a MATLAB {}, which only MATLAB reads: save its columns as variables"
-# first bytes of a MATLAB file: HDF5 begins after 512 bytes of MATLAB's text
-_HEAD = 1024
 
 
 # --- Arrow: columns have one length, and any type
@@ -135,9 +130,6 @@ def _log(arrays, columns, units=None):
             columns[quantity] = [f"{columns[quantity]}.{axis}" for axis in AXES]
     # a matrix that is all of the file: its columns have numbers
     alone = len({name.rpartition(".")[0] for name in names}) == 1 and names[0][-1].isdigit()
-    if alone and not {*SENSORS, "time"} & {*columns} and (order := _seven(series)):
-        columns |= order
-        notes.append(f"a matrix of seven columns, which gravity tells apart: {order}")
     headed = names[0] != "0"
     names = _of_one_length(series, resolve(names, columns, headed))
     chosen = resolve(names, columns, headed)
@@ -167,23 +159,6 @@ def _column(values):
     # Arrow has no longer numbers, and none of the other byte order
     kind = data.dtype.newbyteorder("=") if data.dtype.itemsize <= 8 else float
     return pa.array(data.astype(kind, copy=False), mask=mask)
-
-
-def _seven(series):
-    """Return the columns of a matrix of seven, time first: gravity is in one of two triples.
-
-    The result is empty if the first column is not a time, or if gravity, in m/s^2, is not in
-    exactly one of the triples.
-    """
-    if len(series) != 1 + 2 * len(AXES):
-        return {}
-    t, *axes = (np.asarray(column[:HEAD_ROWS], dtype=float) for column in series.values())
-    sizes = [np.median(np.linalg.norm(three, axis=0)) for three in (axes[:3], axes[3:])]
-    down = [bool(abs(size / STANDARD_GRAVITY - 1) < _NEAR) for size in sizes]
-    if not (np.diff(t) > 0).all() or sum(down) != 1:
-        return {}
-    triples = [1, 2, 3], [4, 5, 6]
-    return {"time": 0, "acceleration": triples[down[1]], "angular_rate": triples[down[0]]}
 
 
 def read_numpy(paths, columns=None):
@@ -216,7 +191,7 @@ def read_matlab(paths, columns=None):
     The fields of a struct are ``STRUCT.FIELD``.
     """
     with open(path := paths["log"], "rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(LONGEST_LINE)
     if b"\x89HDF\r\n\x1a\n" in head:
         return _log(_matlab_73(path), columns)
     # the order of bytes of version 5

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from imuloop.ingest.spikes import count_jumps
+
 # rows of a block, and quantisation steps that noise spans in a block of a fine channel: noise
 # within two steps is below the step
 BLOCK, SPAN = 128, 2.5
@@ -37,6 +39,12 @@ def blocks(x):
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
+def jump_sizes(x):
+    """Return the size of the change from each sample of x, (n,), to the next one, (n - 1,)."""
+    size = np.diff(x)
+    return np.abs(size, out=size)
+
+
 def least_stuck(counts):
     """Return the least number of rows of a stuck run from the `counts` of runs by their rows.
 
@@ -58,7 +66,8 @@ class Channel:
     the blocks that change.
     `stuck` are the stuck runs, (first row, rows), and `tops` the values of flat tops.
     `failed_reads` is the number of rows with the value of failed reads, which are far from the rows
-    before and after.
+    before and after. `jumps` is the number of samples that jump far away and back again. `wraps`
+    are the rows before an integer wraps around, (k,).
     """
 
     x: np.ndarray
@@ -77,7 +86,8 @@ class Channel:
         counts[1] = np.count_nonzero(self.changed) + 1 - len(first)
         long = lengths >= (least_stuck(counts) if self.is_fine else len(self.x) + 1)
         self.stuck = list(zip(first[long].tolist(), lengths[long].tolist(), strict=True))
-        far = np.abs(np.diff(self.x)) > FAR_STEPS * self.step
+        size = jump_sizes(self.x)
+        far = size > FAR_STEPS * self.step
         inner = (lengths >= FLAT_TOP) & (first > 0) & (first + lengths < len(self.x))
         first, last = first[inner], (first + lengths - 1)[inner]
         tops = self.x[first[far[first - 1] & far[last]]]
@@ -88,17 +98,18 @@ class Channel:
         if self.step and len(alone) > often:
             rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
             self.failed_reads = rows if rows > often else 0
+        self.jumps, self.wraps = count_jumps(self.x, self.step, size), self._wraps(size)
 
-    def wraps(self):
+    def _wraps(self, size):
         """Return the rows before jumps from one end of the range to the other, (k,) of int.
 
-        The range of an integer that wraps around has equal ends. A value that swings from end to
-        end changes more before or after the jump, and a value that saturates is held at an end.
+        `size` are the sizes of the jumps from row to row, (n - 1,). The range of an integer that
+        wraps around has equal ends. A value that swings from end to end changes more before or
+        after the jump, and a value that saturates is held at an end.
         """
         span, most = self.high - self.low, (1 - MOST) * (self.high - self.low)
         if not abs(self.low + self.high) <= 2 * most:
             return np.empty(0, dtype=int)
-        size = np.abs(np.diff(self.x))
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
         before, after = size[rows - 1], size[rows + 1]
         from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
@@ -126,15 +137,17 @@ def saturation(channels, rate):
     for name, c in channels.items():
         width = c.step or np.finfo(float).tiny
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
-            away = np.abs(c.x - value)
+            # most rows are not near the end
+            near = c.x <= value + 2 * width if value == c.low else c.x >= value - 2 * width
+            away = np.abs(c.x[near] - value)
             rows = np.count_nonzero(away < 0.5 * width)
-            near = np.count_nonzero(away < 1.5 * width) - rows
+            beside = np.count_nonzero(away < 1.5 * width) - rows
             runs = [length for start, length in c.stuck if c.x[start] == value]
             flat = np.count_nonzero(c.tops == value)
             flat += rows > 1 and c.step > 0 and round(abs(value) / c.step) in RAILS
             single = len(runs) == 1 and runs[0] >= max(rate, MOST * rows)
             if c.is_fine or flat:
-                ends.append((name, value, rows, near, flat, width, single))
+                ends.append((name, value, rows, beside, flat, width, single))
     for name, value, rows, *_, width, _ in ends:
         same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width and not e[6]]
         total, near, flat = (sum(e[k] for e in same) for k in (2, 3, 4))

@@ -19,6 +19,7 @@ from imuloop.ingest import plausible
 from imuloop.ingest.axes import mapping_words
 from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.stamps import PLAUSIBLE_RATE
 
 # how bad a finding is: the log cannot be read, and no other check holds; it cannot be used; it
 # contradicts its declaration; it may contradict it; a user should look at it
@@ -31,8 +32,6 @@ LEAST_ROWS, LEAST_DURATION = 100, 2.0
 LEAST_CHANGE = 1e-12
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
-# rates at which IMUs log, Hz
-PLAUSIBLE_RATE = (0.05, 1e5)
 # temperatures of an IMU, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 # fastest turns by hand on average, rad/s

@@ -101,8 +101,9 @@ def si_samples(rows, raw_units):
         # a channel in SI needs no copy
         is_si = unit is None or (unit.scale, unit.offset) == (1.0, 0.0)
         values[name] = x = raw if is_si else unit.to_si(raw)
-        wrong = ~(np.abs(x) <= BEYOND)
-        if wrong.any():
+        # not-a-number is not within
+        if not (x.max(initial=0.0) <= BEYOND and x.min(initial=0.0) >= -BEYOND):
+            wrong = ~(np.abs(x) <= BEYOND)
             lacks = ~np.isfinite(raw)
             counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
             counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))

@@ -6,6 +6,9 @@ from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
 # no log packs better than this
 MOST_TIMES = 200
+# bytes of a file that show its format and its layout; without a line end in them it is no table
+LONGEST_LINE = 1 << 16
+SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 
 
 def check_unpacked(packed, unpacked):

@@ -1,9 +1,8 @@
-"""ArduPilot DataFlash logs, binary or text: the inertial messages, each instance a stream."""
+"""ArduPilot DataFlash logs, binary: the inertial messages, each instance a stream."""
 
 import re
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.spellings import AXES
@@ -40,8 +39,8 @@ def read(paths, columns=None):
     with open(paths["log"], "rb") as file:
         data = file.read()
     wanted = re.compile("|".join((_INERTIAL, *map(re.escape, names_in(columns)))))
-    messages, bad, damage = (_binary if _HEAD in data else _text)(data, wanted)
-    streams = []
+    messages, damage = _messages(data, wanted)
+    streams, bad = [], 0
     for name, fields in messages.items():
         found = _streams(name, fields)
         rows = sum(len(stream.stamps) for stream in found)
@@ -59,20 +58,17 @@ def read(paths, columns=None):
     return log
 
 
-def _define(known, name, *definition):
-    """Add the definition of a message to `known`; refuse a second one that differs."""
-    if known.setdefault(name, definition) != definition:
-        raise RejectedLog(f"{name} is defined twice, with other fields: the log is of two kinds")
-
-
-def _binary(data, wanted):
-    """Return name -> fields of the messages whose names match a pattern, 0, and lines on damage."""
+def _messages(data, wanted):
+    """Return name -> fields of the messages whose names match a pattern, and lines on damage."""
     lengths, kinds, known = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
         name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
         lengths.setdefault(kind, max(ord(size) - len(_HEAD) - 1, 0))
         if wanted.fullmatch(name):
-            _define(known, name, ord(size), *texts)
+            definition = ord(size), *texts
+            if known.setdefault(name, definition) != definition:
+                why = "with other fields: the log is of two kinds"
+                raise RejectedLog(f"{name} is defined twice, {why}")
             kinds.setdefault(name, []).append(ord(kind))
     each = b"|".join(re.escape(kind) + b".{%d}" % length for kind, length in lengths.items())
     pattern = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, each or b"(?!)", _END))
@@ -82,7 +78,7 @@ def _binary(data, wanted):
     for name, definition in known.items():
         rows = spans[np.isin(found, kinds[name]), 0]
         messages[name] = _fields(data, rows, *definition)
-    return messages, 0, [f"{unknown} of {len(data)} bytes belong to no message"] * bool(unknown)
+    return messages, [f"{unknown} of {len(data)} bytes belong to no message"] * bool(unknown)
 
 
 def _fields(data, rows, size, codes, names):
@@ -99,29 +95,6 @@ def _fields(data, rows, size, codes, names):
     return fields
 
 
-def _text(data, wanted):
-    """Return name -> fields of the messages whose names match a pattern, the bad rows, and []."""
-    known, messages = {}, {}
-    *lines, rest = data.decode(errors="replace").split("\n")
-    # where the log was cut off, its last number may not be whole
-    bad = int(bool(rest.strip()))
-    for line in lines:
-        name, *values = (value.strip() for value in line.split(","))
-        if name == "FMT" and len(values) > 4 and wanted.fullmatch(values[2]):
-            _define(known, *values[2:])
-        elif name in known:
-            codes, *names = known[name]
-            try:
-                row = {
-                    field: np.nan if "S" in _CODES.get(code, "S") else float(value)
-                    for code, value, field in zip(codes, values, names, strict=True)
-                }
-                messages.setdefault(name, []).append(row)
-            except ValueError:
-                bad += 1
-    return {name: dict(pd.DataFrame(rows)) for name, rows in messages.items()}, bad, []
-
-
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(name, fields):
@@ -130,7 +103,6 @@ def _streams(name, fields):
     clock = next((field for field in _STAMPS if field in fields), None)
     if clock is None:
         return []
-    # text was read as float64, exact to 2^53 us
     kind = np.int64 if fields[clock].dtype.kind in "iu" else float
     stamps = fields[clock].astype(kind) * _STAMPS[clock]
     if "T" in fields:

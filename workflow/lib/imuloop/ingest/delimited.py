@@ -2,8 +2,9 @@
 
 import re
 from contextlib import suppress
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -15,30 +16,23 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
 from imuloop.ingest.columns import STAMP, resolve
+from imuloop.ingest.formats import IN_FOLDER
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import SENSORS, TABLE, named_sensor, names_device
+from imuloop.ingest.spellings import TABLE, names_device
 from imuloop.ingest.stamps import no_stamps, stamp_array
-from imuloop.ingest.tables import doubles, read_pair, stated_units, table_log
+from imuloop.ingest.tables import doubles, stated_units, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
-    COMMENT,
     MISSING,
-    decoded,
     find_layout,
-    is_number,
-    unpacked,
+    parts_of,
     unreadable,
 )
 
-ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
-# the table in a folder of EuRoC
-IN_FOLDER = "data.csv"
 # a line with an open quote
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
 # lines of comments at the end, and the bytes in which they are looked for
 _LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
-# most texts in a column that names the sensors
-_KINDS = 20
 _CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
 # bytes that are parsed at once
 _BLOCK = 1 << 22
@@ -59,8 +53,6 @@ def read(paths, columns=None):
         if not path.is_file():
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
-    if parts := _by_sensor(path, layout):
-        return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
     chosen, count = resolve(layout.names, columns, layout.headed), RawLog()
     _refuse_devices(layout, chosen)
@@ -78,36 +70,6 @@ def read(paths, columns=None):
             fault = no_stamps(stamps, layout.names[at])
             raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
     return log
-
-
-def _by_sensor(source, layout):
-    """Return sensor -> header and rows of it, of a table with its name in a column; else nothing.
-
-    The header is the table's, or a comment that begins as these rows do.
-    """
-    for at in range(len(layout.names)):
-        texts = {row[at] for row in layout.rows if at < len(row) and not is_number(row[at])}
-        if len(texts) <= _KINDS and any(map(named_sensor, texts)):
-            break
-    else:
-        return {}
-    heads, rows = {}, {}
-    # one sensor's rows may all come before the other's
-    for line in decoded(bytes(unpacked(source))).split("\n"):
-        bare = COMMENT.sub("", line, count=1)
-        fields = bare.split(layout.separator)
-        if len(fields) > at:
-            (rows if bare == line else heads).setdefault(fields[at].strip(), []).append(bare)
-    parts, header = {}, [layout.separator.join(layout.names)] * layout.headed
-    for quantity in SENSORS:
-        names = [name for name in rows if named_sensor(name) == quantity]
-        # uncalibrated values go first
-        names = [name for name in names if "uncal" in name.lower()] or names
-        if len(names) != 1:
-            return {}
-        lines = heads.get(names[0], header)[:1] + rows[names[0]]
-        parts[quantity] = "\n".join(lines).encode()
-    return parts
 
 
 def _refuse_devices(layout, chosen):
@@ -157,23 +119,13 @@ def text_columns(source, layout, positions, log, stamps):
     The first `stamps` of the columns at `positions` are stamps, as in `stamp_array`, the others
     float64. `log` counts bad lines and bytes.
     """
-    text = unpacked(source)
-    del text[: layout.start]
-    if comments := _LAST_COMMENTS.search(text, max(0, len(text) - _LONGEST_END)):
-        del text[comments.start() + 1 :]
-    if not text.isascii() or b"\0" in text:
-        text = text.translate(_ASCII)
-    log.text_bytes += _weight(text)
-    if b'"' in text:
-        text = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), text)
-    for pattern, replacement in layout.rewrites:
-        text = re.sub(pattern, replacement, text)
     kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
     kinds += [pa.float64()] * len(positions[stamps:])
-    # text among the numbers spoils its own row alone, and a line may be longer than a block
-    for types, block in ((kinds, _BLOCK), ([pa.string()] * len(positions), len(text) + 1)):
+    # text among the numbers spoils its own row alone
+    for types in (kinds, [pa.string()] * len(positions)):
+        weights, lost = [], []
         try:
-            columns, lost = _parsed(text, layout, positions, types, block)
+            columns = _parsed(_blocks(source, layout, weights), layout, positions, types, lost)
             break
         except pa.ArrowInvalid as error:
             fault = error
@@ -183,6 +135,7 @@ def text_columns(source, layout, positions, log, stamps):
         _check_headers([layout.names[at] for at in positions], columns)
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
+    log.text_bytes += sum(weights)
     if stamps and all(column.null_count for column in columns):
         # drop rows without a stamp and any value, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
@@ -197,11 +150,40 @@ def _stamp_kind(layout, at):
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 
-def _parsed(text, layout, positions, kinds, block):
-    """Return columns of these types of a text, and the lines that are not rows."""
-    lost, names = [], [str(i) for i in positions]
-    every, block = [str(i) for i in range(len(layout.names))], min(block, np.iinfo(np.int32).max)
-    reading = pyarrow.csv.ReadOptions(column_names=every, block_size=block, use_threads=False)
+def _blocks(source, layout, weights):
+    """Give the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
+
+    The weight of each block is added to the list `weights`.
+    """
+    text, skipped = bytearray(), layout.start
+    # the empty part is the end
+    for part in chain(parts_of(source, _BLOCK), [b""]):
+        text += part[skipped:]
+        skipped, end = 0, len(text)
+        if part:
+            # the last lines wait: comments may follow them
+            end = max(end - _LONGEST_END, 0)
+            end = text.rfind(b"\n", max(end - len(part), 0), end) + 1
+        elif comments := _LAST_COMMENTS.search(text, max(0, end - _LONGEST_END)):
+            end = comments.start() + 1
+        block = bytes(text[:end])
+        del text[:end]
+        if not block.isascii() or b"\0" in block:
+            block = block.translate(_ASCII)
+        weights.append(_weight(block))
+        if b'"' in block:
+            block = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), block)
+        for pattern, replacement in layout.rewrites:
+            block = re.sub(pattern, replacement, block)
+        if block:
+            yield block
+
+
+def _parsed(blocks, layout, positions, kinds, lost):
+    """Return columns of these types of a text in blocks; lines that are no rows go to `lost`."""
+    names, every = [str(i) for i in positions], [str(i) for i in range(len(layout.names))]
+    # its size is no limit of the blocks, so that no line is longer than one
+    reading = pyarrow.csv.ReadOptions(column_names=every, block_size=_BLOCK, use_threads=False)
     parsing = pyarrow.csv.ParseOptions(
         delimiter="\t" if layout.separator == BLANKS else layout.separator,
         invalid_row_handler=lambda row: lost.append(row.text.encode()) or "skip",
@@ -211,8 +193,12 @@ def _parsed(text, layout, positions, kinds, block):
         include_columns=list(dict.fromkeys(names)),
         **_CONVERTING,
     )
-    table = pyarrow.csv.read_csv(pa.BufferReader(text or b"\n"), reading, parsing, converting)
-    return [table[name].combine_chunks() for name in names], lost
+    file = SimpleNamespace(read=lambda size: next(blocks, b""), closed=False)
+    table = pyarrow.csv.read_csv(file, reading, parsing, converting)
+    columns = [table[name] for name in names]
+    del table
+    # the pieces of a column are freed before those of the next are joined
+    return [columns.pop(0).combine_chunks() for _ in names]
 
 
 def _check_headers(names, columns):
@@ -237,4 +223,4 @@ def _numbers(text):
 
 def _weight(text):
     """Return the number of bytes of a text but zeros, erased memory and blanks."""
-    return len(text) - text.count(_EMPTY) - text.count(b" ")
+    return len(text) - sum(text.count(each) for each in (_EMPTY, b" ") if each in text)

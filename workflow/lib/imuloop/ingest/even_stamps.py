@@ -29,8 +29,9 @@ _BLOCK, _PHASE = 4096, 512
 _SURE = 20.0
 # share that is nearly all: of the transfers one size, of the highest peak a lower one
 _NEARLY = 0.8
-# share by which rates of one sensor may differ, declared or by its stamps
-RATE_SHARE = 0.02
+# share by which rates may differ that count as one: of a sensor, declared or by its stamps, and of
+# two sensors
+RATE_SHARE = 0.05
 # between more bursts no sound stretch is left, and later stages take minutes to find that
 MOST_BURSTS = 1000
 
@@ -287,20 +288,14 @@ def spread(x, readable, step, is_last):
     return moved
 
 
-# times of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
 def rebuilt_line(rows):
     """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
-    even, t, why = rows.even, rows.logged, "scatter about a regular clock"
-    median, mean = np.median(np.diff(t)) * 1e3, (t[-1] - t[0]) / (len(t) - 1) * 1e3
+    even, why = rows.even, "come in bursts, or scatter about a regular clock"
     remedy = "; where the sensor itself pauses, give rate in Hz"
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"
-    elif median * 1e-3 < HALF * even.step:
-        why = _in_bursts(median, mean)
-    elif even.complete:
-        why += ", no sample is lost"
-        remedy = ""
+    elif even and even.complete:
+        why, remedy = f"{why}, no sample is lost", ""
     if not even:
         return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
     lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
@@ -323,12 +318,8 @@ def bursts_fault(t, gaps, rate=None):
     if pauses or (rate and abs(median * rate - 1) < RATE_SHARE):
         return None
     return (
-        f"the stamps {_in_bursts(median * 1e3, mean * 1e3)} with {gaps['count']} gaps between, and "
-        "lie on no line: rows are lost, or held back. If the sensor itself samples evenly, take "
-        f"the row's number for the time: columns.time: null, and about rate: {1 / mean:.4g}"
+        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
+        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back. If "
+        "the sensor itself samples evenly, take the row's number for the time: columns.time: null, "
+        f"and about rate: {1 / mean:.4g}"
     )
-
-
-def _in_bursts(median, mean):
-    """Return the words on time stamps in bursts, from their median and mean step, ms."""
-    return f"come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms)"

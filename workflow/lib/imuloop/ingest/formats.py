@@ -1,18 +1,18 @@
 """The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
-from imuloop.ingest import arrays, dataflash, delimited, json_lines, phone, ros, tables, ulog
-from imuloop.ingest.damage import read_whole
-from imuloop.ingest.text_layout import SPREADSHEET
+from imuloop.ingest.damage import LONGEST_LINE, SPREADSHEET, read_whole
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
+# the table in a folder of EuRoC
+IN_FOLDER = "data.csv"
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
 
@@ -20,39 +20,60 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and what its files are called.
 
-    ``read(paths, columns) -> RawLog`` takes the role of each file to its path, and the columns as
-    declared. It raises ImuloopError where a declaration does not fit, RejectedLog for a
-    broken file. `endings` end file names, in lower case, `starts` the first bytes of files,
-    whatever their name; a `folder` may be read. `remedy` says what to do with a broken file.
+    `reader` is the module of ingest and the function of the reader, which is imported only where a
+    log is read. The function ``read(paths, columns) -> RawLog`` takes the role of each file to its
+    path, and the columns as declared. It raises ImuloopError where a declaration does not fit,
+    RejectedLog for a broken file. `endings` end file names, in lower case, `starts` the first bytes
+    of files, whatever their name; a `folder` may be read. `remedy` says what to do with a broken
+    file.
     """
 
-    read: Callable
+    reader: str
     endings: tuple[str, ...]
     starts: tuple[bytes, ...] = ()
     folder: bool = False
     remedy: str = "copy it again, or save it anew"
 
+    @property
+    def module(self):
+        """Name of the module of the reader."""
+        return self.reader.partition(".")[0]
+
+    def read(self, paths, columns=None):
+        """Return the RawLog of the files at `paths`, by role, with `columns` as declared."""
+        module, name = self.reader.split(".")
+        return getattr(import_module(f"imuloop.ingest.{module}"), name)(paths, columns)
+
 
 # a new format is a reader and a line here; its tests: "Adding a format", docs/formats.md
 FORMATS = {
-    "csv": LogFormat(delimited.read, delimited.ENDINGS),
+    "csv": LogFormat("delimited.read", (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")),
     # the separator is found in the file; the name is there for those who look for it
-    "tsv": LogFormat(delimited.read, (".tsv", ".tab")),
+    "tsv": LogFormat("delimited.read", (".tsv", ".tab")),
     # the folder; its table alone is a csv
-    "euroc": LogFormat(delimited.read, (), folder=True),
-    "imu_tk": LogFormat(delimited.read, ()),
-    "jsonl": LogFormat(json_lines.read, json_lines.ENDINGS),
-    "parquet": LogFormat(arrays.read_parquet, (".parquet", ".pq"), (b"PAR1",)),
-    "feather": LogFormat(arrays.read_feather, (".feather", ".arrow"), (b"ARROW1",)),
-    "numpy": LogFormat(arrays.read_numpy, (".npy", ".npz"), (b"\x93NUMPY",)),
-    "netcdf": LogFormat(arrays.read_netcdf, (".nc", ".nc4", ".cdf", ".netcdf"), (b"CDF",)),
-    "matlab": LogFormat(arrays.read_matlab, (".mat",), (b"MATLAB ",)),
-    "ros": LogFormat(ros.read, ros.ENDINGS, ros.STARTS, folder=True, remedy=ros.REMEDY),
-    "phone": LogFormat(phone.read, (".zip",), (b"PK\x03\x04",)),
-    "ulog": LogFormat(ulog.read, (".ulg", ".ulog"), (b"ULog\x01\x12\x35",)),
-    # text logs end in .log as other tables do
-    "dataflash": LogFormat(dataflash.read, (".bin",), (b"\xa3\x95\x80", b"FMT, 128")),
+    "euroc": LogFormat("delimited.read", (), folder=True),
+    "imu_tk": LogFormat("delimited.read", ()),
+    "jsonl": LogFormat("json_lines.read", (".jsonl", ".ndjson", ".json")),
+    "parquet": LogFormat("arrays.read_parquet", (".parquet", ".pq"), (b"PAR1",)),
+    "feather": LogFormat("arrays.read_feather", (".feather", ".arrow"), (b"ARROW1",)),
+    "numpy": LogFormat("arrays.read_numpy", (".npy", ".npz"), (b"\x93NUMPY",)),
+    "netcdf": LogFormat("arrays.read_netcdf", (".nc", ".nc4", ".cdf", ".netcdf"), (b"CDF",)),
+    "matlab": LogFormat("arrays.read_matlab", (".mat",), (b"MATLAB ",)),
+    "ros": LogFormat(
+        "ros.read",
+        (".bag", ".db3", ".mcap"),
+        (b"#ROSBAG", b"SQLite format 3\0", b"\x89MCAP0"),
+        folder=True,
+        remedy="copy it again, or mend it, if its recording was cut off, with rosbag reindex, "
+        "sqlite3 with .recover, or mcap recover; export an SQLite database of another kind as CSV",
+    ),
+    "phone": LogFormat("phone.read", (".zip",), (b"PK\x03\x04",)),
+    "ulog": LogFormat("ulog.read", (".ulg", ".ulog"), (b"ULog\x01\x12\x35",)),
+    "dataflash": LogFormat("dataflash.read", (".bin",), (b"\xa3\x95\x80",)),
 }
+READERS = {form.module for form in FORMATS.values()}
+# readers that read text by the reader of text tables
+_WITH_TEXT = {"arrays", "json_lines", "phone"}
 SIGNATURES = {start: name for name, form in FORMATS.items() for start in form.starts}
 # how files begin that are logs of no format, and what to do about them
 _NO_LOGS = {
@@ -61,18 +82,18 @@ _NO_LOGS = {
         "the file is a pointer of Git LFS, not the log that it stands for: fetch that with git lfs "
         "pull"
     ),
+    b"FMT, 128": "DataFlash as text is not read: give the binary log, .bin, that it was made from",
     b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
     b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
-# bytes that hold two lines of JSON
-_HEAD = 1 << 14
 
 
 def find_format(name, paths):
-    """Return the name of a format and the LogFormat: that declared, else that its files show.
+    """Return the name of a format and its reader: that declared, else that its files show.
 
-    An ImuloopError where the name is unknown, or the files show none or are not the format's; a
-    RejectedLog where a file is of no format.
+    The reader is a function ``read(paths, columns=None) -> RawLog``. An ImuloopError where the name
+    is unknown, or the files show none or are not the format's; a RejectedLog where a file is of no
+    format.
     """
     for path in paths.values():
         if cause := no_log(path):
@@ -90,7 +111,30 @@ def find_format(name, paths):
         if not form.folder and Path(path).is_dir():
             raise ImuloopError(f"{path} is a folder, not a file")
     read = partial(read_whole, name, form)
-    return name, replace(form, read=partial(tables.read_pair, read) if wanted is PAIR else read)
+    if wanted is PAIR:
+        from imuloop.ingest.tables import read_pair
+
+        read = partial(read_pair, read)
+    return name, read
+
+
+def unused_readers(session, paths):
+    """Return the modules of the readers that cannot read any file of a session, a set of names.
+
+    `session` is the resolved session of the config, and `paths` the path of each file by role. If
+    one of them does not show its format, any reader may be the right one.
+    """
+    declared = {"reference": (session["reference"] or {}).get("format"), "pps": "csv"}
+    try:
+        names = [
+            declared.get(role, session["format"]) or guess_format({role: path})
+            for role, path in paths.items()
+        ]
+    except ImuloopError:
+        return set()
+    names += ["csv"] * bool(session["pps"]) + [declared["reference"]] * bool(declared["reference"])
+    used = {FORMATS[name].module for name in names}
+    return READERS - used - ({"delimited"} if used & _WITH_TEXT else set())
 
 
 def no_log(path):
@@ -104,9 +148,9 @@ def guess_format(paths):
     path = Path(next(iter(paths.values())))
     if path.is_dir():
         inside = {ending for file in path.iterdir() for ending in file.suffixes}
-        if inside & {*ros.ENDINGS} or (path / "metadata.yaml").is_file():
+        if inside & {*FORMATS["ros"].endings} or (path / "metadata.yaml").is_file():
             return "ros"
-        if (path / delimited.IN_FOLDER).is_file():
+        if (path / IN_FOLDER).is_file():
             return "euroc"
         raise ImuloopError(f"{path} is a folder, not a file")
     head = _head(path)
@@ -114,8 +158,11 @@ def guess_format(paths):
         if head.startswith(signature):
             # an .npz is a zip of arrays
             return "numpy" if name == "phone" and path.suffix.lower() == ".npz" else name
-    if json_lines.are_objects(head):
-        return "jsonl"
+    if head.lstrip().startswith(b"{"):
+        from imuloop.ingest.json_lines import are_objects
+
+        if are_objects(head):
+            return "jsonl"
     bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path
     if {*paths} == {*PAIR} and bare.suffix == ".mat":
         return "imu_tk"
@@ -132,5 +179,5 @@ def _head(path):
     with suppress(OSError):
         if Path(path).is_file():
             with open(path, "rb") as file:
-                return file.read(_HEAD)
+                return file.read(LONGEST_LINE)
     return b""

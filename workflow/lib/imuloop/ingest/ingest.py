@@ -169,8 +169,8 @@ def read(paths, declared):
     in_log = declared.pps and "pps" not in files
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
     try:
-        found.format, form = find_format(declared.format, found.of_log)
-        log = found.log = form.read(found.of_log, columns or None)
+        found.format, reader = find_format(declared.format, found.of_log)
+        log = found.log = reader(found.of_log, columns or None)
         empty = "time" in log.found and log.batch[STAMP].null_count == log.batch.num_rows
         if empty and declared.rate and "time" not in columns:
             # the rate is enough

@@ -8,14 +8,12 @@ from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP
+from imuloop.ingest.even_stamps import RATE_SHARE
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
 SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
-# share by which the steps of two clocks may differ that count as equally fast: crystals of sensors
-# with the same nominal rate differ by a few percent
-_AS_FAST = 0.05
 
 
 def join(logs):
@@ -105,7 +103,7 @@ def _faster(stamps):
         forward = np.diff(x)
         steps[name] = np.median(forward[forward > 0]) if (forward > 0).any() else np.inf
     *others, last = steps
-    return next((name for name in others if steps[name] < (1 - _AS_FAST) * steps[last]), last)
+    return next((name for name in others if steps[name] < (1 - RATE_SHARE) * steps[last]), last)
 
 
 # stamps of a broken log can be of any size

@@ -8,11 +8,9 @@ from itertools import islice
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.tables import HEAD_ROWS
-from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, unpacked
-
-ENDINGS = (".jsonl", ".ndjson", ".json")
+from imuloop.ingest.text_layout import JSON_DOCUMENT, unpacked
 
 
 def read(paths, columns=None):

@@ -13,11 +13,12 @@ from imuloop.core.units import FACTORS, STANDARD_GRAVITY
 # largest relative error of the length of gravity in a fusion filter's output, and of the ratio of
 # two units, both as rounding to two or three digits leaves it
 _NEAR = 0.01
-# least cosine of the angle between two vectors that count as parallel
-_PARALLEL = 0.9
-# share of all rows that look like gravity, and share that repeat the row before in another unit:
-# one half of the rows if each is written twice, fewer if only some are
-_MOST, _REPEATED = 0.8, 0.25
+# least cosine of the angle between two vectors that count as parallel, and share of all rows that
+# look like gravity
+_MOST = 0.9
+# share of all rows that repeat the row before in another unit: one half of the rows if each is
+# written twice, fewer if only some are
+_REPEATED = 0.25
 
 
 def _compare(one, other):
@@ -37,7 +38,7 @@ def is_gravity(raw):
     force, rate = (np.array([raw[axis][::8] for axis in axes]) for axes in SENSORS.values())
     _, length, cosine = _compare(force, rate)
     near = np.minimum(np.abs(length - 1), np.abs(length / STANDARD_GRAVITY - 1)) < _NEAR
-    return np.count_nonzero(near & (np.abs(cosine) > _PARALLEL)) > _MOST * len(length)
+    return np.count_nonzero(near & (np.abs(cosine) > _MOST)) > _MOST * len(length)
 
 
 @np.errstate(all="ignore")
@@ -54,7 +55,7 @@ def in_two_units(x, raw):
         ratio = other_length / length
         for unit, other_unit in permutations(units, 2):
             expected = units[unit] / units[other_unit]
-            near = (np.abs(ratio / expected - 1) < _NEAR) & (cosine > _PARALLEL)
+            near = (np.abs(ratio / expected - 1) < _NEAR) & (cosine > _MOST)
             rows = np.count_nonzero(near)
             # mg and cm/s^2 are too near to each other to be told apart
             if not 0.5 < expected < 2 and rows > _REPEATED * len(x):

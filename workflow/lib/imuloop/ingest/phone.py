@@ -18,14 +18,15 @@ import pyarrow as pa
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import STAMP
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import SPREADSHEET, check_unpacked
+from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor
 from imuloop.ingest.streams import choose
 from imuloop.ingest.tables import read_pair
-from imuloop.ingest.text_layout import SPREADSHEET, find_layout
+from imuloop.ingest.text_layout import find_layout
 
 # of text tables in a zip
-_TABLES = (*delimited.ENDINGS, ".tsv", ".tab")
+_TABLES = FORMATS["csv"].endings + FORMATS["tsv"].endings
 # rows of phyphox's clock: separator, seconds of the experiment, seconds since 1970
 _STARTS = re.compile(rb'(?mi)^"?START"?([;,\t])([\d.,E+-]+?)\1([\d.,E+-]+?)\1')
 # tables of Sensor Logger with gravity, and their units from iOS

@@ -86,8 +86,11 @@ def measure(columns, raw_units, full_scale=None):
 
 def _mean_size(columns, axes):
     """Return the mean magnitude of the vectors in the columns `axes`, None of an empty log."""
-    size = np.sqrt(sum(columns[name] ** 2 for name in axes))
-    return float(size.mean()) if len(size) else None
+    x = [columns[name] for name in axes]
+    # in parts, which need little memory
+    parts = [slice(i, i + ROWS) for i in range(0, len(x[0]), ROWS)]
+    sizes = [np.sqrt(sum(axis[part] ** 2 for axis in x)).sum() for part in parts]
+    return float(sum(sizes) / len(x[0])) if sizes else None
 
 
 def time_figures(t):
@@ -105,12 +108,13 @@ def time_figures(t):
     gaps["list"] = [
         {"start_s": float(t[i]), "duration_s": float(steps[i])} for i in wide[:LISTED_GAPS]
     ]
-    away = np.delete(steps, wide) - median
+    duration, away = float(steps.sum()), np.delete(steps, wide) if len(wide) else steps
+    away -= median
     mean = away.mean()
     # infinite where the steps of a damaged file are 1e-318 s
-    figures |= {"duration_s": float(steps.sum()), "rate_hz": float(np.divide(1, median + mean))}
+    figures |= {"duration_s": duration, "rate_hz": float(np.divide(1, median + mean))}
     jitter["std_s"] = float(np.sqrt(max(away @ away / len(away) - mean**2, 0.0)))
-    jitter["max_s"] = float(np.abs(away).max())
+    jitter["max_s"] = float(max(away.max(), -away.min()))
     return figures
 
 
@@ -180,18 +184,19 @@ def _faults(columns, names, zeros, figures):
             stuck = [run for run in c.stuck if name not in silent and c.x[run[0]] not in ends]
             faults["failed_reads"][name] = alone or c.failed_reads
             faults["stuck"][name] = _stuck(stuck, t[at], rate)
-            faults["spikes"][name] = spikes.count_jumps(c.x, c.step)
-            before = c.wraps()
-            faults["wraps"][name] = len(before)
+            faults["spikes"][name] = c.jumps
+            faults["wraps"][name] = len(c.wraps)
             # the values at a wrap of an integer are wrong
-            if len(before):
+            if len(c.wraps):
                 x[name] = x[name].copy()
-                x[name][np.arange(len(t))[at][np.append(before, before + 1)]] = np.nan
+                x[name][np.arange(len(t))[at][np.append(c.wraps, c.wraps + 1)]] = np.nan
         faults["clipped_at"] |= clipped
         faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
         faults["silent_at_rest"] += silent
     if TEMPERATURE in x:
-        faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
+        size = channel.jump_sizes(x[TEMPERATURE])
+        jumps = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE], size)
+        faults["spikes"][TEMPERATURE] = jumps
     long = np.diff(t)
     gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"], TURN_GAP))
     # lost rows make the mean rate less than the usual step says

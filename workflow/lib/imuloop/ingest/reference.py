@@ -69,7 +69,7 @@ def read_series(path, log_format, columns):
     `columns` are as declared, ``time``, ``orientation`` and ``position``; the numbers of
     ``orientation`` come first. Sensors are not read.
     """
-    form = find_format(log_format, {"log": path})[1]
+    read = find_format(log_format, {"log": path})[1]
     others = {
         f"reference.columns.{quantity}.{number}": column
         for quantity in ("orientation", "position")
@@ -77,7 +77,7 @@ def read_series(path, log_format, columns):
     }
     none = dict.fromkeys(("acceleration", "angular_rate", "temperature"))
     declared = none | {"time": columns.get("time"), "others": others}
-    table = form.read({"log": path}, declared).batch
+    table = read({"log": path}, declared).batch
     stamps = table[STAMP] if STAMP in table.schema.names else None
     values = [table[name].to_numpy(zero_copy_only=False) for name in others]
     return stamps, np.array(values, dtype=float).T

@@ -10,16 +10,11 @@ import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import MOST_TIMES
+from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
 
-ENDINGS = (".bag", ".db3", ".mcap")
-# first bytes of each kind of file, and what mends one
-STARTS = (b"#ROSBAG", b"SQLite format 3\0", b"\x89MCAP0")
-REMEDY = (
-    "copy it again, or mend it, if its recording was cut off, with rosbag reindex, sqlite3 with "
-    ".recover, or mcap recover; export an SQLite database of another kind as CSV"
-)
+_ENDINGS, _STARTS = FORMATS["ros"].endings, FORMATS["ros"].starts
 # ends of the names of SQLite's files beside a bag whose recording was cut off
 _UNWRITTEN = ("-wal", "-journal")
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -55,10 +50,10 @@ def read(paths, columns=None):
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         # bag_2 before bag_10
         bags = sorted(path.iterdir(), key=lambda file: (len(file.name), file.name))
-        bags = [file for file in bags if file.suffix in ENDINGS and file.is_file()]
+        bags = [file for file in bags if file.suffix in _ENDINGS and file.is_file()]
         notes.append("the folder has no metadata.yaml: all its bags are read in order of name")
     if not bags:
-        raise RejectedLog(f"the folder holds no bag: no metadata.yaml, no {', '.join(ENDINGS)}")
+        raise RejectedLog(f"the folder holds no bag: no metadata.yaml, no {', '.join(_ENDINGS)}")
     with tempfile.TemporaryDirectory() as folder:
         for number, bag in enumerate(bags):
             if missing := _gather(_link(bag, Path(folder, str(number))), topics):
@@ -74,8 +69,10 @@ def _link(path, target):
     """
     if path.is_file():
         with open(path, "rb") as file:
-            head = file.read(max(map(len, STARTS)))
-        kinds = [end for start, end in zip(STARTS, ENDINGS, strict=True) if head.startswith(start)]
+            head = file.read(max(map(len, _STARTS)))
+        kinds = [
+            end for start, end in zip(_STARTS, _ENDINGS, strict=True) if head.startswith(start)
+        ]
         if not kinds:
             raise RejectedLog(f"{path.name} is neither a ROS 1 bag nor SQLite or MCAP of ROS 2")
         target = target.with_suffix(kinds[0])

@@ -66,7 +66,7 @@ class Rows:
             else:
                 self.stamps[name] = stamp_values(log.batch[name])
         self.stamped = STAMP in self.stamps
-        every = np.arange(count), np.ones(count, dtype=bool), False
+        every = None if self.stamped else (np.arange(count), np.ones(count, dtype=bool), False)
         self.x, self.usable, self.dates = self.stamps.get(STAMP, every)
         if self.stamped and count and not self.usable.any():
             raise no_stamps(log.batch[STAMP], log.found["time"])
@@ -124,8 +124,9 @@ class Rows:
 
     def times(self, keep):
         """Return the time of some rows from the first of them on, s, as stamped."""
-        x = self.x[keep]
-        return (x - x[:1].sum()) * self.scale
+        t = self.x[keep]
+        t = t - t[:1].sum()
+        return np.multiply(t, self.scale, out=t if t.dtype.kind == "f" else None)
 
     def moment(self, stamp):
         """Return a time stamp as ns since 1970; None if it is not a date."""

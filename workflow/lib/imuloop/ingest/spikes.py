@@ -17,6 +17,8 @@ OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
 MOVES, MOVES_SHARE = 6.0, 0.01
 # a spike on several channels jumps by this multiple of the jumps near it; a knock comes to 17
 FAR_JUMP = 20.0
+# rows that are searched at once
+_PART = 1 << 14
 # the larger of two spikes near to each other hides the smaller one until it is replaced
 PASSES = 3
 
@@ -55,13 +57,7 @@ def isolated(x, steps):
     for _ in range(PASSES if len(x[0]) > 2 * _EDGE else 0):
         judged = []
         for k, (values, step) in enumerate(zip(x, steps, strict=True)):
-            # most samples are not far from samples three and five rows away
-            distance = _distance(values)
-            inner = distance[REACH:-REACH]
-            candidate = inner > OF_NOISE * step
-            for d in (-5, -3, 3, 5):
-                candidate &= inner > 2 * distance[REACH + d : len(distance) - REACH + d]
-            at = np.flatnonzero(candidate) + _EDGE
+            at = _candidates(values, step)
             near = values[at[:, None] + _BESIDE]
             far = np.abs(values[at] - near @ _LEVEL)
             out = far > OF_NEIGHBOURS * np.abs(near @ _AWAY).max(axis=1)
@@ -84,6 +80,23 @@ def isolated(x, steps):
     return np.array(sorted(found, key=lambda each: each[::-1]), dtype=int).reshape(-1, 2).T
 
 
+def _candidates(x, step):
+    """Return the rows of a channel, (n,), that are further from their cubic than rows near by.
+
+    Most samples are not far from those three and five rows away.
+    """
+    found = []
+    # the arrays of a part stay in the processor's cache
+    for first in range(0, len(x) - 2 * _EDGE, _PART):
+        distance = _distance(x[first : first + _PART + 2 * _EDGE])
+        inner = distance[REACH:-REACH]
+        candidate, twice = inner > OF_NOISE * step, 2 * distance
+        for d in (-5, -3, 3, 5):
+            candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
+        found.append(np.flatnonzero(candidate) + first + _EDGE)
+    return np.concatenate(found)
+
+
 def _distance(x):
     """Return the distances of samples, (..., n), from the cubic through two samples on each side.
 
@@ -93,12 +106,13 @@ def _distance(x):
     return np.abs(x[..., 2:-2] - sums / 6)
 
 
-def count_jumps(x, step):
+def count_jumps(x, step, size):
     """Return the number of samples of a channel, (n,), that jump far away and back again.
 
     Both jumps exceed `FAR_JUMP` times the quantisation `step` and all jumps within half of REACH.
+    `size` are the sizes of the jumps from sample to sample, (n - 1,).
     """
-    size, up, reach = np.abs(np.diff(x)), x[1:] > x[:-1], REACH // 2
+    up, reach = x[1:] > x[:-1], REACH // 2
     far = size > FAR_JUMP * max(step, np.median(size[::REACH])) if len(x) > REACH else size < 0
     at = np.flatnonzero(far[1:] & far[:-1] & (up[1:] != up[:-1])) + 1
     at = at[(at > reach) & (at < len(x) - reach - 1)]

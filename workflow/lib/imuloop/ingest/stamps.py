@@ -16,6 +16,8 @@ NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
 # stamps are below: their differences fit 64 bits; and the whole years of such ns
 MOST = 1 << 62
 YEARS = "1824 to 2115"
+# slowest and fastest rate at which IMUs log, Hz
+PLAUSIBLE_RATE = (0.05, 1e5)
 # other dates than ISO 8601, those of America with AM or PM
 _DATES = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
 _DATES += ("%m/%d/%Y %I:%M:%S.%f %p", "%m/%d/%Y %I:%M:%S %p")

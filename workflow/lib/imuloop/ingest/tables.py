@@ -14,6 +14,7 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, unit_of, words_of
 from imuloop.ingest.stamps import (
     NANOSECONDS,
+    PLAUSIBLE_RATE,
     absolute_nanoseconds,
     joined_stamps,
     stamp_array,
@@ -23,8 +24,6 @@ from imuloop.ingest.stamps import (
 # rows that show the unit of the stamps, and whether the sensors take turns; they do if more than
 # this share of the rows begins or ends a turn
 HEAD_ROWS, _TURNS = 1000, 0.1
-# Hz; slowest and fastest rate of a log, which tells the unit of Unix stamps
-_RATES = (0.1, 1e5)
 # Xsens counts 100 us in sample_time_fine, but 1 us in a DOT; a DOT has at most 120 Hz, so that its
 # steps are longer than `_LONG_STEP` ticks
 _TICKS, _TICK_US, _LONG_STEP = "sample_time_fine", 100, 5000
@@ -96,7 +95,8 @@ def _unit_of_stamps(log):
         return (1 if step > _LONG_STEP else _TICK_US), "us"
     for unit in ("ms", "us", "ns"):
         date = absolute_nanoseconds(stamps[0].item(), unit, False)
-        if date is not None and _RATES[0] <= 1e9 / (step * NANOSECONDS[unit]) <= _RATES[1]:
+        slowest, fastest = PLAUSIBLE_RATE
+        if date is not None and slowest <= 1e9 / (step * NANOSECONDS[unit]) <= fastest:
             return 1, unit
     return None
 

@@ -6,15 +6,12 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# bytes of a file that show its layout; without a line end in them the file is not a table
-LONGEST_LINE = 1 << 16
 # rows by which a separator is judged, at least
 _JUDGED = 64
 BLANKS = " "
@@ -29,7 +26,6 @@ _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
 _PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"\x28\xb5\x2f\xfd": "zstd", b"\4\x22M\x18": "lz4"}
-SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 _BINARY = "the file is binary, or UTF-16: save it as UTF-8, or give format: NAME"
 _NO_ROWS = "the file has no rows, or lines alone that begin as comments do, with #, % or //"
 _NO_TABLE = "the file is not a table of numbers in rows and columns: save it as CSV"
@@ -125,20 +121,29 @@ def _are_units(fields):
 
 def unpacked(source, most=None):
     """Return the text of a file, unpacked, or of bytes: its first bytes, if `most` are wanted."""
-    packed = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
     text = bytearray()
+    for part in parts_of(source, LONGEST_LINE):
+        text += part
+        if most and len(text) >= most:
+            break
+    return text[:most]
+
+
+def parts_of(source, size):
+    """Give the text of a file, unpacked, or of bytes, in parts of `size` bytes."""
+    packed, total = len(source) if isinstance(source, bytes) else Path(source).stat().st_size, 0
     try:
         stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
         head = stream.read(max(map(len, _PACKINGS)))
         stream.seek(0)
         packing = next((name for start, name in _PACKINGS.items() if head.startswith(start)), None)
         with pa.CompressedInputStream(stream, packing) if packing else stream as file:
-            while (part := file.read(LONGEST_LINE)) and len(text) < (most or np.inf):
-                text += part
-                check_unpacked(packed, len(text))
+            while part := file.read(size):
+                total += len(part)
+                check_unpacked(packed, total)
+                yield part
     except OSError as error:
         raise unreadable(error) from error
-    return text[:most]
 
 
 def unreadable(error):
