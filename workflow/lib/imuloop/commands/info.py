@@ -64,7 +64,7 @@ def result_lines(path):
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else {*()}
     try:
-        if {"accelerometer", "gyroscope"} <= keys:
+        if {*SENSORS} & keys:
             return calibration_lines(Calibration.from_json(path))
         if "axes" in keys:
             return noise_lines(content)
