@@ -194,11 +194,21 @@ def _parsed(blocks, layout, positions, kinds, lost):
         **_CONVERTING,
     )
     file = SimpleNamespace(read=lambda size: next(blocks, b""), closed=False)
-    table = pyarrow.csv.read_csv(file, reading, parsing, converting)
-    columns = [table[name] for name in names]
-    del table
-    # the pieces of a column are freed before those of the next are joined
-    return [columns.pop(0).combine_chunks() for _ in names]
+    count, numbers, others = 0, {}, {name: [] for name in names}
+    for batch in pyarrow.csv.open_csv(file, reading, parsing, converting):
+        count += batch.num_rows
+        for name in others:
+            if (column := batch[name]).type == pa.float64():
+                # a column of numbers grows in its place, so that no memory is used twice
+                x = numbers.setdefault(name, np.empty(0))
+                x.resize(count, refcheck=False)
+                x[count - len(column) :] = column.to_numpy(zero_copy_only=False)
+            else:
+                others[name].append(column)
+    found = {name: pa.array(x, from_pandas=True) for name, x in numbers.items()}
+    for name, kind in zip(names, kinds, strict=True):
+        found.setdefault(name, pa.chunked_array(others[name], kind).combine_chunks())
+    return [found[name] for name in names]
 
 
 def _check_headers(names, columns):
