@@ -6,18 +6,19 @@ import os
 import sys
 import tempfile
 import traceback
+from importlib import import_module
 
 # matrices are small: threads would wait for each other, ten times as long next to other work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
-from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
 from imuloop.commands.options import declared_keys
 from imuloop.core.errors import ImuloopError, one_line
 from imuloop.declaration import check_declared
 from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
-COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
+# each is a module of imuloop.commands
+COMMANDS = ("apply", "calibrate", "check", "coach", "info", "noise", "report", "sensors")
 
 
 class Parser(argparse.ArgumentParser):
@@ -37,8 +38,11 @@ def run(argv=None):
     )
     parser.add_argument("--version", action="version", version=f"imuloop {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for each in COMMANDS:
-        each.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
+    argv = sys.argv[1:] if argv is None else argv
+    # only the command that is named is loaded, as the others use libraries that it may not need
+    for name in argv[:1] if {*argv[:1]} & {*COMMANDS} else COMMANDS:
+        command = import_module(f"imuloop.commands.{name}")
+        command.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
     # a file's encoding on Windows lacks signs: a question mark for each
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
