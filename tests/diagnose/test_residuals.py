@@ -51,7 +51,7 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     seen = ~held & (t != 20)
     row_folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
     weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
-    operator, inverses = fold_fits(every, weights, design, row_folds)
+    ((operator, inverses),) = fold_fits(every, weights, design, row_folds)
     spread = held_out_covariance(covariance, design, row_folds)[np.ix_(held, held)]
     predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))

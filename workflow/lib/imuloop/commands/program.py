@@ -6,18 +6,19 @@ import os
 import sys
 import tempfile
 import traceback
+from importlib import import_module
 
 # matrices are small: threads would wait for each other, ten times as long next to other work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
-from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
 from imuloop.commands.options import declared_keys, expand_shorthands
 from imuloop.core.errors import ImuloopError, one_line
 from imuloop.declaration import check_declared, gravity_of
 from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
-COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
+# each is a module of imuloop.commands
+COMMANDS = ("apply", "calibrate", "check", "coach", "info", "noise", "report", "sensors")
 
 
 class Parser(argparse.ArgumentParser):
@@ -37,11 +38,14 @@ def run(argv=None):
     )
     parser.add_argument("--version", action="version", version=f"imuloop {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for module in COMMANDS:
+    argv = sys.argv[1:] if argv is None else argv
+    # only the command that is named is loaded, as the others use libraries that it may not need
+    for name in argv[:1] if {*argv[:1]} & {*COMMANDS} else COMMANDS:
+        module = import_module(f"imuloop.commands.{name}")
         # the docstring of a command's module is its help
         words, epilog = module.__doc__.split("\n\n", 1)
         command = commands.add_parser(
-            module.__name__.rpartition(".")[2],
+            name,
             help=words.partition(": ")[2].rstrip("."),
             epilog=epilog,
             usage="%(prog)s ARGUMENTS [OPTIONS]",
@@ -55,8 +59,7 @@ def run(argv=None):
     status = 0
     try:
         try:
-            words = sys.argv[1:] if argv is None else argv
-            arguments = parser.parse_args(expand_shorthands(words))
+            arguments = parser.parse_args(expand_shorthands(argv))
             with read_in(COMMAND_LINE):
                 _check_keys(parser, arguments)
                 status = _status(arguments)

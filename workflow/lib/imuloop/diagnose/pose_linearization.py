@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.estimate.evidence import Evidence, Hypotheses
+from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
 
 # alternatives of the noise: steps from the sizes as estimated to the likeliest sizes
@@ -55,6 +56,19 @@ class Linearization:
         distance = change / [component.deviation for component in slow]
         covariances = [total_covariance(fixed, slow, sizes + share * change) for share in PATH]
         return -(distance @ distance) * PATH**2 / 2, covariances
+
+    @cached_property
+    def error_covariances(self):
+        """Covariance of the held-out errors by each alternative of the noise, m arrays (N, N)."""
+        return self.error_covariances_by(self.alternatives[1])
+
+    def error_covariances_by(self, covariances):
+        """Return the covariance of the held-out errors by each covariance of the rows, (N, N).
+
+        Each fold is predicted by a fit, with the effects, to the rows outside it.
+        """
+        folds = self.evidence.row_folds
+        return [held_out_covariance(noise, self.jacobian, folds) for noise in covariances]
 
 
 def kind_hypotheses(components, likelihood, likeliest):

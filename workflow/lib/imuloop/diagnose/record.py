@@ -10,7 +10,6 @@ from imuloop.diagnose.pose_problem import PoseProblem
 from imuloop.diagnose.tables import residual_columns
 from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.held_out import held_out_covariance
 from imuloop.estimate.least_squares import Fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import LEFT, ResidualGroup, compare_with_noise, may_lack_effect
@@ -144,11 +143,10 @@ def judge_sensors(choices, sensors, kinds, errors):
     if has_effects:
         comparisons = compare_rows(problem, before, kinds, errors[0])[1], comparisons[1]
     # the floor is the mean over the alternatives of the noise in the fit with effects
-    floors = [
-        np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))[:, None]
-        for covariance in after.alternatives[1]
-    ]
-    floors = np.where(predicted, floors, np.nan)
+    by_noise = after.error_covariances
+    if has_effects:
+        by_noise = before.error_covariances_by(after.alternatives[1])
+    floors = np.where(predicted, [np.diag(noise)[:, None] for noise in by_noise], np.nan)
     floor = np.tensordot(weights, floors, 1)
     content = residuals_content(problem, kinds, comparisons, errors, floor, has_effects)
     for kind, entry in content["residuals"].items():
@@ -206,7 +204,7 @@ def compare_rows(problem, linearization, kinds, errors):
         errors=errors,
         jacobian=linearization.jacobian,
         covariances=covariances,
-        row_folds=problem.row_folds,
+        error_covariances=linearization.error_covariances,
         kinds=[problem.of_kind(kind) for kind in kinds],
     )
     return compare_with_noise([group], log_prior)

@@ -289,10 +289,15 @@ def static_content(sensor, finding, noise, noise_change):
         for r in problem.records
     ]
     errors, floor = finding.errors, _floor(problem, covariances)
+    # by record and axis, both covariances of the means, and those of their held-out errors
+    by_noise = [
+        [(c, [held_out_covariance(x, g.nuisance, g.row_folds) for x in c]) for c in by_axis]
+        for g, by_axis in zip(problem.evidence.row_groups, covariances, strict=True)
+    ]
     comparisons = []
     # without and with effects
     for added, heldout in zip(((), effects), errors, strict=True):
-        groups = _residual_groups(problem, added, heldout, covariances)
+        groups = _residual_groups(problem, added, heldout, by_noise)
         # number of parameters of the effects, on all axes
         variants = [fitted.effect for fitted in added]
         fitted = sum(len(problem.evidence.columns_of(variants, axis)) for axis in range(3))
@@ -328,11 +333,12 @@ def _floor(problem, covariances):
     return np.concatenate(floors)
 
 
-def _residual_groups(problem, effects, errors, covariances):
+def _residual_groups(problem, effects, errors, by_noise):
     """Return the residuals after FittedEffects are subtracted, a ResidualGroup per record and axis.
 
-    `errors`, (N, 3), are the held-out errors with these effects. `covariances` has, for each record
-    and each axis, two covariances that the noise of its n means may have, (n, n) each.
+    `errors`, (N, 3), are the held-out errors with these effects. `by_noise` has, for each record
+    and each axis, two covariances that the noise of its n means may have, (n, n) each, and those
+    that their held-out errors have then.
     """
     split, groups = problem.evidence.split, problem.evidence.row_groups
     by_record = zip(groups, split(problem.subtract(effects)), split(errors), strict=True)
@@ -341,12 +347,12 @@ def _residual_groups(problem, effects, errors, covariances):
             values=values[:, axis],
             errors=errors_of_record[:, [axis]],
             jacobian=rows.nuisance,
-            covariances=alternatives,
-            row_folds=rows.row_folds,
+            covariances=covariances,
+            error_covariances=error_covariances,
             kinds=[np.ones(len(values), dtype=bool)],
         )
-        for (rows, values, errors_of_record), by_axis in zip(by_record, covariances, strict=True)
-        for axis, alternatives in enumerate(by_axis)
+        for (rows, values, errors_of_record), by_axis in zip(by_record, by_noise, strict=True)
+        for axis, (covariances, error_covariances) in enumerate(by_axis)
     ]
 
 

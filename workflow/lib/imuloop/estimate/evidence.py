@@ -150,7 +150,8 @@ class Evidence:
         The group has n rows, and a precision (inverse covariance) for each of h noise hypotheses.
         `numbers` are the numbers of the columns.
         """
-        return np.stack([self._weighted[i][c] for c in numbers], axis=1)
+        # for many small arrays this takes half the time of `np.stack`
+        return np.array([self._weighted[i][c] for c in numbers]).swapaxes(0, 1)
 
     def matrix(self, numbers):
         """Return the k stored columns with the numbers `numbers`, (N, k)."""

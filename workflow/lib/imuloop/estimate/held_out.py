@@ -16,8 +16,8 @@ from imuloop.core.precision import precision
 SINGULAR = 1e-12
 
 
-def fold_fits(values, weights, jacobian, row_folds):
-    """Predict each fold by a linear fit to the other rows, and return the held-out errors.
+def fold_fits(values, weights, jacobian, row_folds, counts=None):
+    """Predict each fold by linear fits to the other rows, and return the held-out errors.
 
     A fold has the rows (scalar residuals) that are held out together. The fit to the training
     residuals r_s, those outside the fold, has the parameters ``A r_s``, with
@@ -38,13 +38,15 @@ def fold_fits(values, weights, jacobian, row_folds):
     row_folds : ndarray, shape (n, 2)
         The fold that a row is held out with, and a second one that it depends on; -1 is no fold. A
         row is in the training data of neither.
+    counts : sequence of int, optional
+        A fit for each of these numbers of parameters, which has the first ones; by default one fit
+        with all p.
 
     Returns
     -------
-    ndarray, shape (n, m)
-        The errors E r, zero in rows of no fold. They are linear in r.
-    dict of int to ndarray, shape (p, p)
-        For each fold ``(Jᵀ W J)⁻¹`` of the rows outside it, the training rows.
+    list of (ndarray, dict)
+        For each fit of p parameters the errors E r, (n, m), zero in rows of no fold, which are
+        linear in r; and by fold ``(Jᵀ W J)⁻¹`` of the rows outside it, the training rows, (p, p).
     """
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -60,14 +62,17 @@ def fold_fits(values, weights, jacobian, row_folds):
         weighted[held_rows] = 0.0
         information.append(jacobian.T @ weighted)
         moments.append(weighted.T @ values)
-    # a parameter that only the held-out rows show has no information: it is not fitted
-    information = np.reshape(information, (-1, *2 * jacobian.shape[1:]))
-    inverses = np.linalg.pinv(information, SINGULAR, hermitian=True)
-    errors = np.zeros_like(values)
-    for fold, inverse, moment in zip(folds, inverses, moments, strict=True):
-        rows = row_folds[:, 0] == fold
-        errors[rows] = values[rows] - jacobian[rows] @ (inverse @ moment)
-    return errors, dict(zip(folds, inverses / np.outer(size, size), strict=True))
+    information, fits = np.reshape(information, (-1, *2 * jacobian.shape[1:])), []
+    for p in counts or jacobian.shape[1:]:
+        # a parameter that only the held-out rows show has no information: it is not fitted
+        inverses = np.linalg.pinv(information[:, :p, :p], SINGULAR, hermitian=True)
+        errors = np.zeros_like(values)
+        for fold, inverse, moment in zip(folds, inverses, moments, strict=True):
+            rows = row_folds[:, 0] == fold
+            errors[rows] = values[rows] - jacobian[rows, :p] @ (inverse @ moment[:p])
+        inverses = inverses / np.outer(size[:p], size[:p])
+        fits.append((errors, dict(zip(folds, inverses, strict=True))))
+    return fits
 
 
 def held_out_covariance(covariance, jacobian, row_folds, weights=None):
@@ -88,7 +93,7 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
         Inverse of the covariance that the fits assume; by default the inverse of `covariance`.
     """
     weights = precision(covariance)[0] if weights is None else weights
-    operator, _ = fold_fits(np.eye(len(row_folds)), weights, jacobian, row_folds)
+    ((operator, _),) = fold_fits(np.eye(len(row_folds)), weights, jacobian, row_folds)
     return operator @ covariance @ operator.T
 
 

@@ -248,9 +248,10 @@ class AxisTest:
         columns = evidence.matrix(self.columns)
         unit = np.broadcast_to(problem.error_scale, len(folds))[:, None]
         # held-out errors of the columns, in units that make all kinds of residuals comparable
-        c, _ = fold_fits(np.column_stack([columns, pattern]), weights, base, folds)
-        C, inverses = fold_fits(columns, weights, np.column_stack([base, pattern]), folds)
-        c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit
+        values, design = np.column_stack([columns, pattern]), np.column_stack([base, pattern])
+        counts = base.shape[1], design.shape[1]
+        (c, _), (C, inverses) = fold_fits(values, weights, design, folds, counts)
+        c, C, d = c[:, :q] / unit, C[:, :q] / unit, c[:, q:] / unit
         v = scale * evidence.held_out_variance(h) / unit[:, 0] ** 2
         # expected d V dᵀ of each row, and d V summed over the rows of each kind of residual
         kinds = np.array([problem.of_kind(kind) for kind in problem.kinds]) & (folds[:, 0] >= 0)

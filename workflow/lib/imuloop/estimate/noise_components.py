@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from imuloop.core.precision import precision
 from imuloop.estimate.least_squares import NotConverged
@@ -194,11 +193,8 @@ class SizeLikelihood:
         squares = np.clip(start**2, least, self.largest_squares)
         loss, gradient, information = self.terms(values, squares)
         for _ in range(STEPS):
-            # the minimum of the quadratic approximation within the bounds
-            root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
-            target = solve_triangular(root, -gradient, trans=1)
-            bounds = least - squares, self.largest_squares - squares
-            step = lsq_linear(root, target, bounds, method="bvls").x
+            damped = information + damping * np.diag(np.diag(information))
+            step = bounded_step(damped, gradient, least - squares, self.largest_squares - squares)
             if -gradient @ step < rise:
                 break
             trial = np.clip(squares + step, least, self.largest_squares)
@@ -212,3 +208,29 @@ class SizeLikelihood:
                 raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
         # a size at the least bound is zero
         return np.where(squares > 1.01 * least, np.sqrt(squares), 0.0)
+
+
+def bounded_step(hessian, gradient, low, high):
+    """Return the step s, (k,), with the smallest ``gᵀ s + sᵀ H s/2`` that is from low to high.
+
+    The method solves for the components within their bounds, with the others at a bound, until the
+    gradient holds exactly these others there. Should it cycle, the last step is clipped. H is the
+    `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and `high`, (k,), may be
+    infinite.
+
+    References
+    ----------
+    Hintermüller, Ito, Kunisch, SIAM J. Optim. 13 (2002) 865.
+    """
+    # -1 at the lower bound, 1 at the upper one, 0 between
+    side = np.zeros(len(gradient), dtype=int)
+    for _ in range(STEPS):
+        step = np.choose(side + 1, [low, np.zeros_like(low), high])
+        free, slope = side == 0, gradient + hessian @ step
+        step[free] -= np.linalg.solve(hessian[np.ix_(free, free)], slope[free])
+        slope, last = gradient + hessian @ step, side
+        at_low = (step < low) | ((last < 0) & (slope > 0))
+        side = ((step > high) | ((last > 0) & (slope < 0))).astype(int) - at_low
+        if np.array_equal(side, last):
+            break
+    return np.clip(step, low, high)

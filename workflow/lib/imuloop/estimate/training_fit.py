@@ -126,7 +126,7 @@ class TrainingFit:
         A correction is the vector t with ``xᵀ P̃ y = xᵀ P y - t_x·t_y`` under each of h noise
         hypotheses, where P̃ projects u parameters out. `columns` are the numbers of the columns.
         """
-        return np.stack([self._columns[c][0][i] for c in columns], axis=1)
+        return np.array([self._columns[c][0][i] for c in columns]).swapaxes(0, 1)
 
     def _add_columns(self, columns):
         """Compute and store the corrections and squares of columns that have none yet.

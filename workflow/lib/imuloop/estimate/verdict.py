@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, softmax
 
-from imuloop.estimate.held_out import exceedance_probability, held_out_covariance
+from imuloop.estimate.held_out import exceedance_probability
 from imuloop.estimate.least_squares import chi_square
 
 # ratio of held-out error to floor that an error of the floor itself can explain
@@ -36,9 +36,7 @@ class ResidualGroup:
     errors: np.ndarray  # (n, 1): their held-out errors; nan where they were not predicted
     jacobian: np.ndarray  # (n, p): derivative with respect to the parameters of the fit
     covariances: list  # m arrays, (n, n): each is one alternative; the noise as estimated is first
-    # (n, 2): the fold that a residual is held out with, and a second fold that it depends on, as a
-    # move depends on the pose at its end; -1 is no fold
-    row_folds: np.ndarray
+    error_covariances: list  # m arrays, (n, n): covariance of the held-out errors by each of them
     kinds: list  # for each kind of residual, such as rotation, its residuals, (n,) of bool
 
 
@@ -80,11 +78,8 @@ def compare_with_noise(groups, log_prior, fitted=0):
         fits = [chi_square(g.values, g.covariances[m], g.jacobian, g.kinds) for g in groups]
         chi2.append(np.sum([by_kind for by_kind, _ in fits], axis=0) - [0, fitted])
         log_weights.append(prior + sum(likelihood for _, likelihood in fits))
-        covariances = [
-            held_out_covariance(g.covariances[m], g.jacobian, g.row_folds) for g in groups
-        ]
         of_kinds = range(len(groups[0].kinds))
-        heldout_p_values.append([heldout_p_value(groups, covariances, k) for k in of_kinds])
+        heldout_p_values.append([heldout_p_value(groups, m, k) for k in of_kinds])
     weights, comparisons = softmax(log_weights), []
     for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):
         p_values = [float(chdtrc(dof, square)) for square, dof in fits]
@@ -100,17 +95,17 @@ def compare_with_noise(groups, log_prior, fitted=0):
     return weights, comparisons
 
 
-def heldout_p_value(groups, covariances, k):
+def heldout_p_value(groups, m, k):
     """Return the probability that the noise gives as large held-out errors of kind k, a float.
 
-    `groups` are ResidualGroups, and `covariances` has the covariance of the held-out errors of each
-    group by the noise, (n, n). `k` is the index of a kind of residual.
+    `groups` are ResidualGroups, `m` is the index of the alternative of the noise, and `k` the index
+    of the kind of residual.
     """
     square, blocks = 0.0, []
-    for group, covariance in zip(groups, covariances, strict=True):
+    for group in groups:
         rows = group.kinds[k] & np.isfinite(group.errors[:, 0])
         square += (group.errors[rows] ** 2).sum()
-        blocks.append(covariance[np.ix_(rows, rows)])
+        blocks.append(group.error_covariances[m][np.ix_(rows, rows)])
     return exceedance_probability(square, blocks)
 
 

@@ -7,7 +7,7 @@ from math import exp
 import numpy as np
 from scipy.optimize import fminbound, nnls
 
-# the fit ends when the log-likelihood grows by less than CLOSE, or after ROUNDS rounds
+# rise of the log-likelihood in a round at which a fit ends, by default, and most rounds
 CLOSE, ROUNDS = 1e-6, 100
 # shares of a step that are tried until the likelihood grows
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
@@ -88,7 +88,7 @@ class Likelihood:
         """Return the mean squares of all rows without a ramp in SI/s, shape (r,), SI^2."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
-    def fit(self, units, ramp=0.0, fixed=0.0, start=None):
+    def fit(self, units, ramp=0.0, fixed=0.0, start=None, close=CLOSE):
         r"""Return the MaximumLikelihood of unit spectra.
 
         The method is Fisher's scoring. Each step is a non-negative least squares, shortened until
@@ -112,6 +112,8 @@ class Likelihood:
             Fixed part of the expected mean squares, SI^2.
         start : ndarray, shape (p,), optional
             Variances near the maximum, from which to begin.
+        close : float
+            The fit ends when the log-likelihood grows by less than this.
 
         References
         ----------
@@ -151,7 +153,7 @@ class Likelihood:
             # near the maximum each round gains a fixed share of the gain of the round before: the
             # sum of all later gains is small enough
             steady = start is not None and before < np.inf
-            if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
+            if growth < close or (steady and growth**2 < close / 10 * before):
                 break
             change = weighted_nnls(units, power - fixed + taken, self.count / expected**2) - theta
             for share in SHARES:

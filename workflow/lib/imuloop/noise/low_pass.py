@@ -11,7 +11,7 @@ import numpy as np
 
 from imuloop.core.noise_model import DEGREES, Coefficient, LowPassTerm
 from imuloop.noise.gains import GAINS, LowPass, density
-from imuloop.noise.likelihood import likeliest
+from imuloop.noise.likelihood import CLOSE, likeliest
 from imuloop.noise.processes import NAMES
 from imuloop.noise.selection import correlation_times
 
@@ -21,6 +21,8 @@ CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
 SHIFT, REACH = 1e-3, 0.2
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
 PRICE = 4.8
+# rise of the log-likelihood at which the fits end that compare filters and corners
+ROUGH = 0.01
 
 
 def choose_low_pass(selection):
@@ -34,7 +36,9 @@ def choose_low_pass(selection):
     level = replace(selection, likelihood=replace(modes, slow=modes.slow - ramp * modes.rho))
     unfiltered = level.fit(NAMES)
     start = np.append(unfiltered.theta, 0.0)
-    values = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
+    values = {
+        kind: [_fit(level, kind, corner, start, ROUGH)[0] for corner in CORNERS] for kind in GAINS
+    }
     # a filter has at least two parameters, and each has to gain `PRICE`
     if max(map(max, values.values())) - unfiltered.value < 2 * PRICE:
         return selection
@@ -46,15 +50,17 @@ def choose_low_pass(selection):
     return filtered if better else selection
 
 
-def _fit(selection, kind, corner, start=None):
+def _fit(selection, kind, corner, start=None, close=CLOSE):
     """Return the log-likelihood of Q, N, B, K behind a filter, and the LowPass.
 
     The floor of the filter is fitted too. `corner` is a share of the rate. `start` holds variances
-    of Q, N, B, K and of the white noise behind the filter near the maximum.
+    of Q, N, B, K and of the white noise behind the filter near the maximum. The fit ends when the
+    log-likelihood grows by less than `close`.
     """
     low_pass = LowPass(kind, float(corner))
     units = replace(selection, low_pass=low_pass).units(NAMES)
-    fit = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
+    units = np.column_stack([units, selection.unit("N")])
+    fit = selection.likelihood.fit(units, start=start, close=close)
     white, behind = fit.theta[NAMES.index("N")], fit.theta[-1]
     floor = float(behind / (white + behind)) if behind else 0.0
     return fit.value, replace(low_pass, floor=floor)

@@ -150,9 +150,11 @@ def _errors(recording, block, models, names):
         if (k, session) != calibrated_log:
             # the whole log is calibrated, because effects may depend on earlier samples
             log, calibrated_log = recording.logs[session], (k, session)
+            has_effects = models[k]["final"] is not models[k]["base"]
             calibrated = {
                 model: models[k][model].calibrated(log.f, log.w, log.t, log.temperature)
-                for model in MODELS
+                # without effects the final model is the base model
+                for model in (MODELS if has_effects else MODELS[:-1])
             }
             # direction of gravity at the poses, by the final model
             up, _ = recording.calibrated_force(models[k]["final"].accelerometer)
@@ -161,11 +163,16 @@ def _errors(recording, block, models, names):
         # direction was carried: since the rest before, or by the filter since the first rest
         ends = stretch.t[np.column_stack([stretch.arrive, stretch.leave])]
         after = {"rotation": ends[1:, :1] - ends[:-1, 1:], "filter": ends[1:] - ends[0, 1]}
+        errors = {}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
-            for method, errors in METHODS.items():
-                # (p - 1, 1): on arrival at a rest; (p - 1, 2): on departure from it, too
-                error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
+            # (p - 1, 1): on arrival at a rest; (p - 1, 2): on departure from it, too
+            errors[model] = {
+                method: errors_by(turns, f[stretch.piece], stretch, up[stretch.poses])
+                for method, errors_by in METHODS.items()
+            }
+        for model in MODELS:
+            for method, error in errors.get(model, errors["base"]).items():
                 rests, moments = error.shape
                 rows = {
                     "session": names[session],
