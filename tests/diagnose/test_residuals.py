@@ -8,11 +8,9 @@ from diagnose.models import pair_of, problem_of
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.held_out import (
     exceedance_probability,
-    fold_fits,
     held_out_covariance,
     rms_norm,
 )
-from imuloop.estimate.least_squares import chi_square
 from imuloop.estimate.verdict import (
     NoiseComparison,
     above_floor,
@@ -21,24 +19,6 @@ from imuloop.estimate.verdict import (
 )
 from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth
-
-
-def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
-    rng = np.random.default_rng(0)
-    design = rng.normal(size=(50, 4))
-    root = rng.normal(size=(50, 50)) / 7
-    covariance = root @ root.T + np.eye(50)
-    noise = np.linalg.cholesky(covariance) @ rng.normal(size=50)
-    weight = np.linalg.inv(covariance)
-    information = design.T @ weight @ design
-    left = noise - design @ np.linalg.solve(information, design.T @ weight @ noise)
-    ((square, dof),), likelihood = chi_square(left, covariance, design, [np.ones(50, dtype=bool)])
-    assert dof == pytest.approx(46)
-    assert square == pytest.approx(left @ weight @ left)
-    log = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1] + square
-    # but for the units of the parameters
-    log -= 2 * np.log(np.linalg.norm(design, axis=0)).sum()
-    assert likelihood == pytest.approx(-log / 2)
 
 
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
@@ -50,20 +30,12 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
     row_folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
-    weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
-    operator, inverses = fold_fits(every, weights, design, row_folds)
     spread = held_out_covariance(covariance, design, row_folds)[np.ix_(held, held)]
-    predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
-    weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
-    normal = design[seen].T @ weight
+    normal = design[seen].T @ np.linalg.inv(covariance[np.ix_(seen, seen)])
     fitted = np.linalg.solve(normal @ design[seen], normal @ drawn[seen])
     errors = drawn[held] - design[held] @ fitted
-    np.testing.assert_allclose(predicted, errors.var(axis=1), rtol=0.05)
-    assert predicted.max() < 60
-    np.testing.assert_allclose((operator @ drawn)[held], errors)
-    np.testing.assert_allclose(np.diag(inverses[0]), fitted.var(axis=1), rtol=0.05)
-    assert not (operator @ drawn)[~held].any()
+    np.testing.assert_allclose(np.diag(spread), errors.var(axis=1), rtol=0.05)
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):
         largest = np.quantile(squares, 1 - tail)

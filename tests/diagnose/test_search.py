@@ -167,19 +167,3 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     assert found.effect.tau == pytest.approx(600.0, rel=0.1)
     fitted = choices.problem.linearization((found,)).solution.x[-3:]
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)
-
-
-@pytest.mark.study
-def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
-    size, pulls = np.array([0.02, -0.02, 0.02]), []
-    truth = with_effect("accelerometer", WarmUp(260.0), size)
-    variants = variants_of("accelerometer", WarmUp(200.0), WarmUp(400.0))
-    for seed in range(6):
-        made = recording(truth, seed)
-        problem = problem_of(pair_of(truth, made), made, variants)
-        search = Choices(problem)
-        base = search.refine(search.effects_of_kinds((*variants,)))
-        x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
-        pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
-    # 18 pulls, correlated within a device; 1.5 where the time constant is taken as certain
-    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.35

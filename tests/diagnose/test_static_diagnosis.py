@@ -8,17 +8,22 @@ import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
-from diagnose.test_static_windows import calibration
 from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.units import RawUnit
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.static import diagnose_static, static_tests
-from imuloop.diagnose.static_means import StaticData
+from imuloop.diagnose.static_means import StaticData, rests_to_use
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
 SETTINGS = DiagnoseSettings()
+NOMINAL = Calibration(
+    "d", 9.8, *(SensorCalibration.nominal(RawUnit(u, 1.0), "") for u in ("m/s^2", "rad/s"))
+)
 # m/s^2 and rad/s per K of each axis
 SLOPES = {
     "accelerometer": np.array([1e-2, -2e-2, 3e-2]),
@@ -54,10 +59,10 @@ def noise_of(made):
 
 
 def diagnose_record(made, noise=None):
-    records = made.records(calibration(), SETTINGS.mean_time)
+    records = made.records(NOMINAL, SETTINGS.mean_time)
     noise, tests = noise or noise_of(made), static_tests(records, SETTINGS)
     how = SETTINGS, NoiseSettings(), tests
-    return diagnose_static(made, records, calibration(), noise.model, *how)
+    return diagnose_static(made, records, NOMINAL, noise.model, *how)
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +186,22 @@ def test_too_short_and_silent_records_say_why(no_limits, still_record):
     silent = diagnose_record(data(a=made.samples["a"].assign(gy=0.25)), noise).content
     assert silent["gyroscope"]["why"] == "an axis never changes"
     assert silent["accelerometer"]["verdict"] == "consistent"
+
+
+def test_the_static_sessions_are_used_else_the_longest_rest():
+    def segments(*rows):
+        return pd.DataFrame(rows, columns=["start_s", "end_s", "kind"])
+
+    still, moved = segments((0, 1190, "static")), segments((0, 100, "disturbed"))
+    moves = segments((0, 700, "static"), (700, 710, "motion"), (710, 720, "static"))
+    short = segments((0, 500, "static"), (500, 560, "motion"))
+    kinds = {"a": "static", "b": "multi_position", "c": "six_position"}
+    for tables, used in (
+        ({"a": still, "b": moves}, {"a": [1190]}),
+        ({"b": moves, "c": short}, {"b": [700]}),
+        ({"c": short}, {}),
+        # a static session that holds no rest is as none
+        ({"a": moved, "b": moves}, {"b": [700]}),
+    ):
+        found = rests_to_use(kinds, tables).items()
+        assert {n: [*t[t["kind"] == "static"]["end_s"]] for n, t in found} == used
