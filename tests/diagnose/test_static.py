@@ -96,38 +96,6 @@ def test_several_steps_are_found():
     np.testing.assert_allclose(times, [30 * LENGTH, 80 * LENGTH], atol=LENGTH)
 
 
-def test_sessions_share_the_parameters_and_have_their_own_levels():
-    warm, _ = pattern("bias_temperature")
-    finding = find_effects({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
-    assert names(finding) == ["bias_temperature"]
-    for name, value in finding.effects[0].values.items():
-        if name.startswith("c1"):
-            assert abs(value - 1) < 4 * finding.effects[0].std[name]
-    assert np.isfinite(finding.errors[1]).all()
-
-
-def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
-    """With any values of a part, the effects, estimates and predictions of the others stay."""
-    rng = np.random.default_rng(11)
-    values = {"a": noise(30) + 3 * pattern("steps")[0]}
-    choices, part = find_effects(values).choices, 4
-    assert choices.choice().effects
-    changed = {s: v.copy() for s, v in values.items()}
-    ends = np.cumsum([N] * len(values))[:-1]
-    each = np.split(choices.problem.fold_of_row, ends)
-    for parts, v in zip(each, changed.values(), strict=True):
-        v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
-    held_out, both = frozenset({part}), (choices, find_effects(changed).choices)
-    chosen = [c.search(held_out).significant_effects(c.kinds) for c in both]
-    assert chosen[0] == chosen[1] and chosen[0]
-    foreseen = [
-        np.concatenate([r.values for r in c.problem.records])
-        - c.problem.residuals(c.search(held_out), one)
-        for c, one in zip(both, chosen, strict=True)
-    ]
-    np.testing.assert_allclose(*foreseen, rtol=1e-5, atol=1e-7)
-
-
 @seeds(10, 40)
 def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     rng, true = np.random.default_rng(4), 0.4

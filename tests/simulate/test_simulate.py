@@ -15,7 +15,6 @@ from imuloop.simulate.truth import Noise, SessionTruth, Thermometer, example_tru
 
 SHORT = SessionTruth("multi_position", poses=4, initial_rest_s=5.0)
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
-G = np.array([[1.0, -2, 3], [0.5, 1, -1], [2, 0, 1]]) * 1e-4
 
 
 def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
@@ -39,20 +38,6 @@ def test_model_without_effects_gives_back_the_truth():
     f = calibrate_output(truth.accelerometer, log[F].to_numpy(), 0)
     w = calibrate_output(truth.gyroscope, log[W].to_numpy(), 0)
     np.testing.assert_allclose(f, motion.specific_force, atol=1e-12)
-    np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
-
-
-def test_effects_are_functions_of_the_output_and_the_other_sensor():
-    values = {f"G{i}{j}": G[i, j] for i in range(3) for j in range(3)}
-    truth = device(
-        accelerometer={"extra": lambda channels: 1e-4 * channels.output**2},
-        gyroscope={"effects": (FittedEffect(find_effect("g_sensitivity")(), values, {}),)},
-    )
-    log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
-    output = (log[F].to_numpy() - truth.accelerometer.b) * truth.accelerometer.K
-    f = calibrate_output(truth.accelerometer, log[F].to_numpy(), 1e-4 * output**2)
-    np.testing.assert_allclose(f, motion.specific_force, atol=1e-9)
-    w = calibrate_output(truth.gyroscope, log[W].to_numpy(), motion.specific_force @ G.T)
     np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
 
 
