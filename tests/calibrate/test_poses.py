@@ -9,13 +9,11 @@ from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrate_recording, known_noise, recording
 from imuloop.calibrate.nominal import rest_bias
-from imuloop.calibrate.poses import gather_poses, rounding_variance
+from imuloop.calibrate.poses import rounding_variance
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.sessions import why_no_pose
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
-from imuloop.core.tables import write_table
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
@@ -31,20 +29,6 @@ def session(temperature=None):
     edges = np.array([0, 3, 4, 6, 8, 12.0])
     kinds = ["static", "motion", "static", "motion", "static"]
     return log, segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 0, -1, 1])
-
-
-def test_rests_of_one_pose_are_pooled_and_rotations_run_between_poses():
-    log, table = session()
-    poses = gather_poses([table, table])
-    assert poses.session.tolist() == [0, 0, 1, 1]
-    assert poses.n.tolist() == [50, 40, 50, 40]
-    assert poses.duration_s.tolist() == [5, 4, 5, 4]
-    assert poses.f[0, 0] == pytest.approx((30 * 14.5 + 20 * 49.5) / 50)
-    rotations, shorter = (record([log] * 2, [table] * 2, s).rotations for s in (30.0, 1.9))
-    # none from the first session to the second
-    assert rotations.first.tolist() == [0, 2]
-    assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
-    assert len(shorter) == 0
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
@@ -115,15 +99,3 @@ def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():
         pulls.append((rest.b - TRUTH.gyroscope.b) / [rest.std[f"b{k}"] for k in range(3)])
     # Student's t with three degrees of freedom: within 3.182 in 95 %
     assert np.mean(np.abs(pulls) < student.ppf(0.975, count - 1)) == pytest.approx(0.95, abs=0.02)
-
-
-def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):
-    empty = pd.DataFrame({"t": [], **{c: [] for c in CHANNELS}})
-    moving = pd.DataFrame({"t": [0.0, 1.0], **{c: [0.0, 1.0] for c in CHANNELS}})
-    write_table(tmp_path / "turns", segment_table(empty, [], [], [], []), {})
-    write_table(tmp_path / "swing", segment_table(moving, [0.0], [2.0], ["motion"], [-1]), {})
-    kind = "multi_position"
-    sessions = {n: {"kind": kind, "segments": tmp_path / n} for n in ("turns", "swing")}
-    assert why_no_pose(sessions, "six_position") == "no six_position session with a pose"
-    fates = "turns was rejected, swing has no rest that is a pose"
-    assert why_no_pose(sessions, kind) == f"no multi_position session with a pose: {fates}"

@@ -208,10 +208,8 @@ PARAMETER = ("types", "chip", "parameters", "gyroscope.K1")
 WRONG = {
     "no file": (lambda c, f: None, {}, "cannot be read: No such file or directory"),
     "no JSON": (lambda c, f: "t,ax,ay", {}, "no JSON: "),
-    "a list": (lambda c, f: [1, 2], {}, "neither a calibration.json nor a family.json"),
     "noise.json": (lambda c, f: NOISE.to_dict(), {}, "neither a calibration.json nor a family"),
     "a later format": (lambda c, f: c | {"format": 9}, {}, "format 9, this version reads format"),
-    "half a calibration": (lambda c, f: damage(c, "gyroscope", value={}), {}, "gyroscope: "),
     "no sensor": (
         lambda c, f: damage(c, "accelerometer", "K", value=[1e-9, 1, 1]), {}, "accelerometer: K0"
     ),
@@ -230,9 +228,6 @@ WRONG = {
     ),
     "no error": (lambda c, f: damage(c, "gyroscope", "covariance", value=FIXED), {}, "singular"),
     "no number": (lambda c, f: damage(f, *PARAMETER, "std", 0, value=0), {}, "damaged: gyroscope"),
-    "a value less": (
-        lambda c, f: damage(f, *PARAMETER, "values", value=[1.0]), {}, "damaged: gyroscope.K1: "
-    ),
     "two types": (
         lambda c, f: {"types": f["types"] | {"other": {}}}, {}, "of which type, chip or other?"
     ),

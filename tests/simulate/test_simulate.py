@@ -9,7 +9,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop.model.effect import FittedEffect, find_effect
-from imuloop.simulate.sensor import lagged
 from imuloop.simulate.simulate import log_metadata, simulate_session, true_motion, write_log
 from imuloop.simulate.truth import Noise, SessionTruth, Thermometer, example_truth
 
@@ -62,19 +61,6 @@ def test_axes_sessions_and_devices_are_independent():
     correlation = np.corrcoef(np.diff(noise, axis=0).T)
     # 24 series of 30,000: the largest of 276 pairs stays below some 4 standard errors
     assert np.max(np.abs(correlation - np.eye(24))) < 4.5 * np.sqrt(1.5 / 30_000)
-
-
-@pytest.mark.parametrize("dt", [0.01, 0.5])
-def test_a_lag_answers_a_step_and_a_ramp_by_its_closed_form(dt):
-    tc, t = 3.0, np.arange(0, 20, dt)
-    # from a jump between the first two samples on, and behind a ramp by tc times its slope
-    x = np.where(t > 0, 5.0, 0.0)
-    rise = tc * (1 - np.exp(-dt / tc)) / dt
-    np.testing.assert_allclose(
-        lagged(x, dt, tc)[1:], 5 * (1 - rise * np.exp(-(t[1:] - dt) / tc)), atol=1e-12
-    )
-    behind = 2 * t - lagged(7 + 2 * t, dt, tc) + 7
-    np.testing.assert_allclose(behind, 2 * tc * (1 - np.exp(-t / tc)), atol=1e-12)
 
 
 def test_the_device_lags_its_surroundings_and_the_thermometer_the_device():
