@@ -92,16 +92,23 @@ def g_sensitive():
     return replace(TRUTH, gyroscope=replace(TRUTH.gyroscope, effects=(effect,)))
 
 
-def product(formula, size):
-    sensor, *_ = physics.PRODUCTS[formula]
-    return with_effects(TRUTH, [Injected(sensor, "product", extra=physics.product(formula, size))])
+# of sizes of about five detection limits
+PRODUCTS = {"f_y² f_z": 1e-4, "w_x f_y": 5e-4}
+
+
+def with_products():
+    injected = [
+        Injected(physics.PRODUCTS[f][0], "product", extra=physics.product(f, size))
+        for f, size in PRODUCTS.items()
+    ]
+    return with_effects(TRUTH, injected)
 
 
 B = TRUTH.gyroscope.b
 DEVICES = {
     "plain": of_poses,
     "g-sensitive": lambda: of_poses(g_sensitive()),
-    "product": lambda: of_poses(product("f_y² f_z", 1e-4)),
+    "products": lambda: of_poses(with_products()),
     "four poses": lambda: of_poses(plan_session(TRUTH, poses=3)),
     "cut": lambda: of_poses(change=cut),
     "accelerometer halves": lambda: of_poses(
@@ -201,11 +208,11 @@ EXPECTED = [
     ("g-sensitive", f"{W} poses effects * name", ["g_sensitivity"]),
     ("g-sensitive", f"{W} poses effects 0", near(**GAIN)),
     *(("g-sensitive", f"{W} poses residuals {r}", at_floor) for r in ("pose_rate", "rotation")),
-    ("product", f"{F} poses verdict", "explained"),
-    ("product", f"{F} poses effects * name", ["product"]),
-    ("product", f"{F} poses effects 0 constants formula", "f_y² f_z"),
-    ("product", f"{F} poses effects 0", near(cx=1e-4)),
-    ("product", f"{W} poses effects", []),
+    *(("products", f"{s} poses verdict", "explained") for s in SENSORS),
+    ("products", f"{F} poses effects * constants formula", ["f_y² f_z"]),
+    ("products", f"{W} poses effects * constants formula", ["w_x f_y"]),
+    ("products", f"{F} poses effects 0", near(cx=1e-4)),
+    ("products", f"{W} poses effects 0", near(cz=5e-4)),
     *(("four poses", f"{s} poses verdict", "not_testable") for s in SENSORS),
     *(("four poses", f"calibration {s} method", POSES) for s in SENSORS),
     ("cut", f"{W} poses verdict", "consistent"),
