@@ -81,11 +81,6 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
         assert (sensor.method, sensor.not_testable) == expected
     rest = rest_bias(poses, noise, RATE_UNIT, "bias only")
     assert rest.method == ("nominal" if axis >= 3 else "static")
-    # two axes are named both
-    both = dict.fromkeys((CHANNELS[axis], CHANNELS[axis - 1]), own)
-    silent = replace(poses, variance=0 * poses.variance) if not variance else poses
-    found = silent.unknown_noise(NoiseModel("d", {**known.axes, **both}), CHANNELS)
-    assert found.startswith(", ".join(c for c in CHANNELS if c in both) + f" {what}")
 
 
 def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():

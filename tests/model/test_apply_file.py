@@ -91,7 +91,6 @@ def with_delays(seconds):
 # a calibration, another that it differs from, and by how much at least
 WITHOUT = calibration([])
 CASES = {
-    **{name: (calibration([name]), WITHOUT, 1e-6) for name in DESIGNED},
     "all effects": (calibration(DESIGNED), WITHOUT, 1e-6),
     "a late thermometer": (with_late_thermometer(), calibration(["bias_temperature"]), 1e-3),
     "9 ms late": (with_delays(9e-3), WITHOUT, 0.1),

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, plan_session, recording
+from calibrate.devices import UNITS, in_counts, known_noise, plan_session, recording
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError
 from imuloop.core.noise_model import AxisNoise
 from imuloop.core.samples import ACCELERATION
-from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.model.calibration import Calibration
 from imuloop.model.effect import FittedEffect
@@ -22,11 +21,12 @@ from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 from seeds import least_count
 
+# m/s^2 per count
+SCALE = 0.0024
 # a device that has not been switched off since
 STEADY = (0.0, 0.0)
 # of one switching on: what devices do, and what data sheets allow, m/s^2 and rad/s
 ORDINARY, ALLOWED = (0.03, 1.75e-3), (0.196, 8.7e-3)
-UNITS = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
 
 
 def white(truth, factor=1.0):
@@ -152,22 +152,6 @@ def uncalibrated():
     return [SensorCalibration.nominal(unit, "none") for unit in UNITS.values()]
 
 
-COUNTS = RawUnit("count", 0.0024, 32768.0)
-
-
-def in_counts(calibration):
-    force, factor = calibration.accelerometer, np.ones(9)
-    factor[3:6], factor[6:] = COUNTS.scale, 1 / COUNTS.scale
-    force = replace(
-        force,
-        raw_unit=COUNTS,
-        K=force.K * COUNTS.scale,
-        b=COUNTS.from_si(force.b),
-        covariance=force.covariance * np.outer(factor, factor),
-    )
-    return replace(calibration, accelerometer=force)
-
-
 def test_what_was_never_calibrated_is_not_tested(still_recording, calibrations):
     log, bare = draw_noise(still_recording, 13), uncalibrated()
     drift = check_drift(replace(calibrations[0], accelerometer=bare[0]), log, NOISE)
@@ -240,7 +224,7 @@ def test_nothing_but_the_biases_changes(still_recording, calibrations):
     effect = FittedEffect(GSensitivity(), values, dict.fromkeys(values, 1e-6))
     log, old, found = jumped(still_recording, 11), calibrations[0], []
     old = replace(old, gyroscope=replace(old.gyroscope, effects=(effect,)))
-    for each in (old, in_counts(old)):
+    for each in (old, replace(old, accelerometer=in_counts(old.accelerometer, SCALE))):
         new, kept = update_biases(each, log, NOISE, "new.csv")
         assert not kept and new.updated == dict.fromkeys(JUMP, "new.csv")
         found.append(new)
@@ -252,8 +236,8 @@ def test_nothing_but_the_biases_changes(still_recording, calibrations):
             assert one.covariance[:k, :k].tobytes() == other.covariance[:k, :k].tobytes()
             assert not np.any(one.b == other.b)
     si, counts = (each.accelerometer for each in found)
-    np.testing.assert_allclose(COUNTS.to_si(counts.b), si.b, rtol=1e-9, atol=1e-9)
-    std = [counts.std[f"b{k}"] * COUNTS.scale for k in range(3)]
+    np.testing.assert_allclose(counts.raw_unit.to_si(counts.b), si.b, rtol=1e-9, atol=1e-9)
+    std = [counts.std[f"b{k}"] * SCALE for k in range(3)]
     np.testing.assert_allclose(std, [si.std[f"b{k}"] for k in range(3)], rtol=1e-6)
     # the effect stays in the effect: the bias is the rest of the rate
     without = update_biases(calibrations[0], log, NOISE, "new.csv")[0].gyroscope
