@@ -3,32 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrate_recording, known_noise, recording
 from imuloop.calibrate.nominal import rest_bias
 from imuloop.calibrate.poses import rounding_variance
-from imuloop.calibrate.recording import record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
-from imuloop.core.segments import segment_table
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
-
-
-def session(temperature=None):
-    """Return 12 s at 10 Hz: rests of 3, 2 and 4 s, the first two one pose; ax counts samples."""
-    t = np.arange(120) / 10
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    log["ax"] = np.arange(120.0)
-    if temperature is not None:
-        log["temperature"] = temperature
-    edges = np.array([0, 3, 4, 6, 8, 12.0])
-    kinds = ["static", "motion", "static", "motion", "static"]
-    return log, segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 0, -1, 1])
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
@@ -40,22 +25,6 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
     foreseen = rounding_variance(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread
-
-
-def test_missing_temperatures_are_interpolated_and_a_session_without_leaves_none():
-    temperature = 20.0 + np.arange(120) / 100
-    temperature[[0, 1, 2, 50, 51, 110]] = np.nan
-    log, table = session(temperature)
-    made = record([log], [table], 30.0)
-    # on a straight line interpolation is exact; before the first value that value holds
-    filled = np.maximum(20.0 + np.arange(120) / 100, 20.03)
-    np.testing.assert_allclose(made.logs[0].temperature, filled)
-    # a pose of two rests: everything from the first to the last of its samples
-    np.testing.assert_allclose(made.poses.temperature, [filled[:60].mean(), filled[80:].mean()])
-    assert np.isfinite(made.rotations.temperature).all()
-    for cold in (session()[0], log.assign(temperature=np.nan)):
-        made = record([log, cold], [table, table], 30.0)
-        assert made.poses.temperature is None and made.rotations.temperature is None
 
 
 LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))
