@@ -5,6 +5,7 @@ import pytest
 
 from imuloop.estimate.held_out import (
     exceedance_probability,
+    fold_fits,
     held_out_covariance,
 )
 from imuloop.estimate.verdict import (
@@ -31,6 +32,9 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     fitted = np.linalg.solve(normal @ design[seen], normal @ drawn[seen])
     errors = drawn[held] - design[held] @ fitted
     np.testing.assert_allclose(np.diag(spread), errors.var(axis=1), rtol=0.05)
+    operator, inverses = fold_fits(np.eye(40), np.linalg.inv(covariance), design, row_folds)
+    np.testing.assert_allclose((operator @ drawn)[held], errors)
+    np.testing.assert_allclose(np.diag(inverses[0]), fitted.var(axis=1), rtol=0.05)
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):
         largest = np.quantile(squares, 1 - tail)

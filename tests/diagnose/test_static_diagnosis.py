@@ -102,7 +102,7 @@ def test_too_short_and_silent_records_say_why(no_limits, still_record):
 
 def test_the_static_sessions_are_used_else_the_longest_rest():
     def segments(*rows):
-        return pd.DataFrame(rows, columns=["start_s", "end_s", "kind"])
+        return pd.DataFrame(rows, columns=["start_s", "end_s", "kind"]).assign(tilt_rad=0.0)
 
     still, moved = segments((0, 1190, "static")), segments((0, 100, "disturbed"))
     moves = segments((0, 700, "static"), (700, 710, "motion"), (710, 720, "static"))
@@ -116,4 +116,4 @@ def test_the_static_sessions_are_used_else_the_longest_rest():
         ({"a": moved, "b": moves}, {"b": [700]}),
     ):
         found = rests_to_use(kinds, tables).items()
-        assert {n: [*t[t["kind"] == "static"]["end_s"]] for n, t in found} == used
+        assert {name: [*table["end_s"]] for name, table in found} == used
