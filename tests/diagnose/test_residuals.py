@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.estimate.held_out import (
     exceedance_probability,
     fold_fits,
