@@ -39,15 +39,6 @@ made = chain.Device(
     full_scale=own.get("full_scale", {}), **settings,
 )
 """
-ARRAYS = """
-import sys, pandas, imuloop
-log = pandas.read_csv(sys.argv[1])
-three = lambda names: log[list(names)].to_numpy()
-imuloop.calibrate(
-    log["t"].to_numpy(), three(["ax", "ay", "az"]), three(["gx", "gy", "gz"]), progress=False
-).export(sys.argv[2])
-"""
-IMPORT = "import imuloop; imuloop.calibrate"
 LOG = "import sys, imuloop; imuloop.calibrate(sys.argv[1], progress=False)"
 
 
@@ -82,7 +73,7 @@ def copy_of(commit, folder):
 
 
 def works(folder):
-    """Return the timed work: by name the bound of the ratio, and a function of a Side.
+    """Return the timed work by name, a function of a Side.
 
     The workflow's runs come first; the stages take their results.
     """
@@ -99,7 +90,6 @@ def works(folder):
     late = folder / "late.csv"
     record(LATE, "thermometer_lag").write(late)
     two, many = folder / "two/config.yaml", folder / "many/config.yaml"
-    first = logs / f"{device(0)}_multi_position.csv"
 
     def default(side):
         return side.repository / "config.yaml"
@@ -111,19 +101,12 @@ def works(folder):
     # a folder named `default` Snakemake would take for its profile
     anew = ("--forceall", "--", "results/report.html")
     return {
-        "two devices of a factory, all jobs": (0.33, lambda s: s.workflow(two, "two", *anew)),
-        f"{MANY} devices, dry run": (0.7, lambda s: s.workflow(many, "many", "-n")),
-        "arrays to exports": (0.33, lambda s: s.python("-c", ARRAYS, first, s.folder / "exports")),
-        "a log with a late thermometer": (0.1, lambda s: s.python("-c", LOG, late)),
-        "import": (0.5, lambda s: s.python("-c", IMPORT)),
-        "segment and calibrate": (0.33, stage("chain.segment(made); chain.calibrate(made)")),
-        "diagnosis": (0.33, stage("chain.diagnose(made)")),
-        "page of a device": (0.4, stage("chain.report_device(made)")),
-        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "whole", *anew)),
-        "diagnosis of the CATS tag": (
-            0.15,
-            stage("chain.diagnose(made)", "cats_tag", "whole", default),
-        ),
+        "two devices of a factory, all jobs": lambda s: s.workflow(two, "two", *anew),
+        f"{MANY} devices, dry run": lambda s: s.workflow(many, "many", "-n"),
+        "a log with a late thermometer": lambda s: s.python("-c", LOG, late),
+        "diagnosis": stage("chain.diagnose(made)"),
+        "config.yaml, all jobs": lambda s: s.workflow(default(s), "whole", *anew),
+        "diagnosis of the CATS tag": stage("chain.diagnose(made)", "cats_tag", "whole", default),
     }
 
 
@@ -139,11 +122,11 @@ def main():
     with tempfile.TemporaryDirectory(prefix="since-", dir=options.folder) as folder:
         folder, rows = Path(folder).resolve(), []
         sides = [Side(before, folder / "before"), Side(REPOSITORY, folder / "now")]
-        for name, (bound, work) in works(folder).items():
+        for name, work in works(folder).items():
             took = [[work(side) for side in sides] for _ in range(options.rounds)]
-            rows.append((name, *figures(took), bound))
+            rows.append((name, *figures(took)))
             print(*rows[-1], sep="; ", file=sys.stderr)
-    header = ("work", "before, s", "now, s", "ratio", "spread", "wall, ratio", "bound")
+    header = ("work", "before, s", "now, s", "ratio", "spread", "wall, ratio")
     publish("since", f"Beside commit {options.commit}", table(header, rows))
 
 

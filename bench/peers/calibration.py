@@ -2,8 +2,6 @@
 
 import os
 import re
-import resource
-import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,25 +13,18 @@ from bench.peers.log import write_mcap
 from bench.realistic.device import CHANNELS, GRAVITY, record, sphere
 from bench.realistic.judge import errors
 from bench.tables import table
+from bench.workflow import timed_process
 from imuloop.model.calibration import Calibration
 
 # m/s² per mg, and seconds of a quarter turn at the rate of the judge, 100 °/s
 MG, QUARTER = GRAVITY / 1000, 0.9
 
 
-def seconds_of(command, environment):
-    """Return the seconds of processor time of a whole process."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, env=os.environ | environment, check=True, capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
 def by_imuloop(folder, device, environment, _):
     """Return seconds and the function that corrects specific force and angular rate, SI."""
     device.write(folder / "log.csv")
     command = [sys.executable, "-m", "imuloop", "calibrate", folder / "log.csv", "-o", folder / "o"]
-    seconds = seconds_of(command, environment)
+    seconds = timed_process(command, os.environ | environment)[1]
     found, warm = Calibration.from_json(folder / "o/calibration.json"), "temperature"
 
     def corrected(f, w, t, hot):
@@ -50,7 +41,8 @@ def by_dedrunk(folder, device, environment, programs):
     axes = np.array([device.columns[name] for name in CHANNELS])
     write_mcap(folder / "log.mcap", axes[:3], axes[3:], device.columns["t"])
     command = [programs / "bin/dedrunk", "--yes", "intrinsics", folder / "log.mcap"]
-    seconds = seconds_of([*command, "-O", folder / "imu.yaml"], environment)
+    command += ["-O", folder / "imu.yaml"]
+    seconds = timed_process(command, os.environ | environment)[1]
     text = (folder / "imu.yaml").read_text().partition("accelerometers:")[2]
     rows = [[float(x) for x in row.split(",")] for row in re.findall(r"\[(.*)\]", text)]
     M, b, M_g, _, C, b_g = np.split(np.array(rows), np.cumsum([3, 1, 3, 3, 3]))

@@ -110,13 +110,6 @@ def processor_seconds():
     return sum(each.ru_utime + each.ru_stime for each in of)
 
 
-def seconds(call, *arguments):
-    """Return the result of a call, and its seconds of processor time."""
-    before = processor_seconds()
-    values = call(*arguments)
-    return values, processor_seconds() - before
-
-
 def main():
     name, folder = sys.argv[1], Path(sys.argv[2])
     call = globals()[name]
@@ -128,7 +121,9 @@ def main():
         # some refuse a short log
         with contextlib.suppress(Exception):
             call(given(short, folder))
-        values, took = seconds(call, given(axes, folder))
+        data, before = given(axes, folder), processor_seconds()
+        values = call(data)
+        took = processor_seconds() - before
     np.save(folder / f"{name}.npy", np.asarray(values, dtype=float))
     print(took / TIMES.get(name, 1))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.realistic.device import CASES, FEW
+from bench.realistic.device import CASES
 from bench.realistic.judge import SENSORS, alarms, judge
 from bench.tables import commit, share, table
 
@@ -44,31 +44,6 @@ def summary(devices):
             table(("sensor", "T", "K", "b"), [(s, *coverage(free, s)) for s in SENSORS]),
         ]
     )
-
-
-def few_poses(devices):
-    """Return the table of devices with few poses."""
-    header = (
-        "case", "devices", "refused", "accelerometer over plain fit with prior: median",
-        "over as logged: above 1", "largest", "gyroscope over bias alone: median", "above 1",
-    )  # fmt: skip
-    rows = []
-    for case in FEW:
-        each = [d for d in devices if d["case"] == case]
-        if not each:
-            continue
-        by = {
-            (s, how): np.array([d["imuloop"][s] / d["few"][how][s] for d in each])
-            for s in SENSORS
-            for how in ("logged", "plain")
-        }
-        refused = sum("nominal" in d["methods"].values() for d in each)
-        force, turn = by["accelerometer", "logged"], by["gyroscope", "plain"]
-        worse = [share(np.sum(ratio > 1), len(each)) for ratio in (force, turn)]
-        medians = [f"{np.median(ratio):.2f}" for ratio in (by["accelerometer", "plain"], turn)]
-        figures = medians[0], worse[0], f"{force.max():.2f}", medians[1], worse[1]
-        rows.append((case, len(each), refused, *figures))
-    return table(header, rows)
 
 
 def row(case, devices):
@@ -112,8 +87,8 @@ def main():
     parser.add_argument("--keep", type=Path, help="folder in which logs and results are kept")
     options = parser.parse_args()
     cases = options.cases.split(",")
-    if unknown := set(cases) - {*CASES, *FEW}:
-        parser.error(f"{min(unknown)} is not a case; choose from {', '.join((*CASES, *FEW))}")
+    if unknown := set(cases) - {*CASES}:
+        parser.error(f"{min(unknown)} is not a case; choose from {', '.join(CASES)}")
     options.lines.parent.mkdir(parents=True, exist_ok=True)
     options.lines.touch()
     devices = [json.loads(line) for line in options.lines.read_text().splitlines()]
@@ -126,8 +101,6 @@ def main():
             print(json.dumps(devices[-1]), file=file, flush=True)
             ratios = ", ".join(f"{s} {r or np.nan:.2f}" for s, r in devices[-1]["ratios"].items())
             print(f"{name(devices[-1])}: {ratios}", *alarms(devices[-1]), sep="; ", file=sys.stderr)
-    if few := [d for d in devices if d["case"] in FEW]:
-        print(few_poses(few))
     print(summary(devices))
 
 

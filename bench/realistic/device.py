@@ -24,11 +24,8 @@ EFFECT_FREE = (
 )  # fmt: skip
 WITH_EFFECT = ("temperature", "thermometer_lag", "jump")
 CASES = (*EFFECT_FREE, *WITH_EFFECT, "all")
-# few poses, and six faces set by hand: case, number of poses
-FEW = {f"poses_{n}": n for n in (1, 2, 4, 6, 8, 10, 13, 30)} | {"six_faces": 6}
-# how far from upright a face is put down, rad, on a table and by hand, and the share of rows that a
-# lossy log has
-FACE, BY_HAND, KEPT = 0.01, 0.05, 0.8
+# how far from upright a face is put down, rad, and the share of rows that a lossy log has
+FACE, KEPT = 0.01, 0.8
 # full scale of the gyroscope where it clips, °/s
 RAIL = 250
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
@@ -183,9 +180,8 @@ def move(seed, parts, rate):
     """Return the Motion of a session, at `rate` or more."""
     rng = stream(seed, "motion")
     count = rng.integers(12, 41)
-    count = 12 if "twelve_poses" in parts else FEW.get(parts[0], count)
-    faces = FACE * ("faces" in parts) + BY_HAND * ("six_faces" in parts)
-    attitudes = poses(count, rng, faces)
+    count = 12 if "twelve_poses" in parts else count
+    attitudes = poses(count, rng, FACE * ("faces" in parts))
     turns = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()
     seconds = np.zeros(2 * count - 1)
     seconds[::2] = rng.uniform(3, 8, count)

@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import imuloop
-from bench.realistic.device import CHANNELS, DEGREE, FEW, GRAVITY, Sensor, record, sphere
-from bench.realistic.plain import fit, fit_accelerometer, rest_means
+from bench.realistic.device import CHANNELS, DEGREE, GRAVITY, record, sphere
+from bench.realistic.plain import fit
 
 SENSORS = ("accelerometer", "gyroscope")
 DIRECTIONS = 60
@@ -38,10 +38,9 @@ def errors(made, corrected):
     """Return the root-mean-square errors of a calibration, SI, by name.
 
     `corrected` gives specific force and rate of raw ones, (n, 3) each, at times and temperatures
-    (n,). ``accelerometer`` is at rest, ``gyroscope`` at rest and at 100 °/s, ``bias`` the gyroscope
-    at rest; those with ``_steady`` at the middle temperature alone.
+    (n,). ``accelerometer`` is at rest, ``gyroscope`` at rest and at 100 °/s.
     """
-    n, found = int(HOLD * made.rate) | 1, {}
+    n, found = int(HOLD * made.rate) | 1, {s: [] for s in SENSORS}
     for t, temperature, *true in probes(made):
         raw = [
             np.tile(getattr(made, s).raw(true[k]) + made.bias(k, t, temperature), (n, 1))
@@ -50,14 +49,10 @@ def errors(made, corrected):
         times = t + (np.arange(n) - n // 2) / made.rate
         given = corrected(*raw, times, np.full(n, temperature))
         force, turn = (np.sum((given[k][n // 2] - true[k]) ** 2) for k in range(2))
-        each = {"gyroscope": turn}
+        found["gyroscope"].append(turn)
         if not true[1].any():
-            each |= {"accelerometer": force, "bias": turn}
-        for name, error in each.items():
-            found.setdefault(name, []).append(error)
-            if temperature == made.middle:
-                found.setdefault(f"{name}_steady", []).append(error)
-    return {name: float(np.sqrt(np.mean(each))) for name, each in sorted(found.items())}
+            found["accelerometer"].append(force)
+    return {name: float(np.sqrt(np.mean(each))) for name, each in found.items()}
 
 
 def judge(seed, case, keep=None):
@@ -89,7 +84,6 @@ def outcome(made, result):
         return [s.corrected(x) if s else x for s, x in zip(plain, (f, w), strict=True)]
 
     others = errors(made, by_plain)
-    few = {} if made.case not in FEW else {"few": by_few(made, log)}
     missing = [s for s, sensor in zip(SENSORS, plain, strict=True) if sensor is None]
     return {
         **{name: getattr(made, name) for name in ("case", "seed", "parts", "effect_free", "rate")},
@@ -106,24 +100,9 @@ def outcome(made, result):
         "no_plain_fit": missing,
         "imuloop": own,
         "plain": others,
-        **few,
         "ratios": {s: None if s in missing else own[s] / others[s] for s in SENSORS},
         "pulls": {s: pulls(getattr(found, s), getattr(made, s)) for s in SENSORS},
     }
-
-
-def by_few(made, log):
-    """Return the errors of other ways to use few poses, as in `errors`.
-
-    As logged; the accelerometer by a plain fit with the data sheet as prior, the gyroscope with the
-    bias of its rests alone. Takes the log, (n, 6).
-    """
-    t = made.columns["t"]
-    force, rate = (rest_means(t, part, made.rests) for part in (log[:, :3], log[:, 3:]))
-    by_prior = fit_accelerometer(force, prior=True)
-    bias = Sensor(np.eye(3), np.ones(3), rate.mean(axis=0))
-    plain = errors(made, lambda f, w, *_: (by_prior.corrected(f), bias.corrected(w)))
-    return {"logged": errors(made, lambda f, w, *_: (f, w)), "plain": plain}
 
 
 def pulls(found, true):

@@ -35,11 +35,6 @@ def fit(t, force, rate, rests):
     return accelerometer, fit_gyroscope(t, rate, moves, up, rate[pieces[0]].mean(axis=0))
 
 
-def rest_means(t, values, rests):
-    """Return the mean of values, (n, 3), over each rest, (m, 3)."""
-    return np.array([values[(t > a + MARGIN) & (t < b - MARGIN)].mean(axis=0) for a, b in rests])
-
-
 def fit_accelerometer(means, prior=False):
     """Return the Sensor that gives the means at rest, (m, 3), the norm of gravity.
 

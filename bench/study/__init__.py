@@ -1,1 +1,1 @@
-"""Simulated study of the diagnosis: undeclared effects, controls, and what lies outside."""
+"""Simulated study of the diagnosis: undeclared effects, and controls."""

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from bench.study.cases import LIMITS, all_cases
-from bench.study.devices import PLANS
 from bench.study.run import run
 from bench.study.tables import document
 from bench.tables import publish
@@ -17,26 +16,16 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
     parser.add_argument("--effects", help="names, or kinds of cases, with commas")
-    parser.add_argument("--records", help="poses, static_record, motion")
-    parser.add_argument("--sensors", help="accelerometer or gyroscope")
-    parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")
     parser.add_argument("--limits", type=float, default=LIMITS, help="size in detection limits")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, help="folder of a file per outcome: goes on with it")
-    parser.add_argument("--table", action="store_true", help="of what --keep has, nothing made")
     options = parser.parse_args()
-    if options.table and not options.keep:
-        parser.error("--table needs --keep")
-    how = {"workers": options.workers, "keep": options.keep, "make": not options.table}
+    how = {"workers": options.workers, "keep": options.keep}
     cases = [
         case
-        for case in all_cases(options.plan, options.limits)
-        if (not options.records or case.record in options.records.split(","))
-        and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
-        and (
-            not options.effects
-            or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
-        )
+        for case in all_cases(options.limits)
+        if not options.effects
+        or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
     ]
     by_case = run(cases, options.first, options.seeds, options.controls, **how)
     made_of = ", ".join(sorted({made["commit"] for each in by_case.values() for made in each}))

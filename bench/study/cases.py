@@ -26,26 +26,21 @@ AT_REST = {
         "steps",
     ),
 }  # fmt: skip
-# residual at the poses that a pattern of attitude outside the library is sized by, its degree, and
-# how many floors large it is, root mean square
-OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
-FLOORS = 3.0
 
 
 @dataclass(frozen=True)
 class Case:
     """One kind of device."""
 
-    kind: str  # 'control', 'effect', 'two', 'product' or 'outside'
+    kind: str  # 'control', 'effect' or 'two'
     record: str  # 'poses', 'static_record' or 'motion': which device it is, see `devices`
     sensor: str = ""  # that is changed; empty for a control
     names: tuple = ()  # effects put into it
-    plan: str = "usual"  # of the device, see `devices`
     limits: float = LIMITS  # how many detection limits large it is
 
 
-def all_cases(plan="usual", limits=LIMITS):
-    """Return every case of a plan and size, the controls of each kind of device first."""
+def all_cases(limits=LIMITS):
+    """Return every case of a size, the controls of each kind of device first."""
     cases = [Case("control", record) for record in ("poses", "static_record", "motion")]
     for sensor, at_rest in AT_REST.items():
         of_poses = [
@@ -60,7 +55,6 @@ def all_cases(plan="usual", limits=LIMITS):
         cases += [Case("effect", "poses", sensor, (name,)) for name in sorted(of_poses)]
         known = [name for name in at_rest if name in Effect.library]
         cases += [Case("effect", "static_record", sensor, (name,)) for name in known]
-        cases.append(Case("outside", "poses", sensor, ("harmonic",)))
         cases += [
             Case("effect", "motion", sensor, (name,))
             for name, effect in sorted(Effect.library.items())
@@ -69,13 +63,9 @@ def all_cases(plan="usual", limits=LIMITS):
             and "motion" in effect.records
             and "poses" not in effect.records
         ]
-    cases += [
-        Case("product", "poses", sensor, (formula,))
-        for formula, (sensor, *_) in physics.PRODUCTS.items()
-    ]
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
-    return [replace(case, plan=plan, limits=limits) for case in cases]
+    return [replace(case, limits=limits) for case in cases]
 
 
 def choose_effects(case, seed, control):
@@ -90,21 +80,6 @@ def choose_effects(case, seed, control):
     """
     rng = np.random.default_rng([seed, *"".join((case.sensor, *case.names)).encode()])
     found = control["diagnosis"]["sensors"][case.sensor][case.record]
-    if case.kind == "outside":
-        residual, degree = OUTSIDE[case.sensor]
-        size = FLOORS * found["residuals"][residual]["floor"] * np.sqrt(2 * degree + 1)
-        if case.sensor == "gyroscope":
-            # the floor is the one of three axes together
-            size /= np.sqrt(3)
-        extra = physics.harmonic(case.sensor, degree, size, rng)
-        return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
-    if case.kind == "product":
-        (formula,), sign = case.names, rng.choice([-1.0, 1.0])
-        if not (limit := control["products"].get(formula)):
-            return None
-        size = float(sign * case.limits * limit)
-        values, extra = {f"c{physics.PRODUCTS[formula][1]}": size}, physics.product(formula, size)
-        return (Injected(case.sensor, "product", values, limits=case.limits, extra=extra),)
     made = []
     for name in case.names:
         candidate = next(c for c in found["candidates"] if c["name"] == name)

@@ -8,7 +8,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from bench.study.physics import PRODUCTS
 from imuloop import chain
 from imuloop.calibrate.calibrate import start_fit
 from imuloop.calibrate.sessions import raw_units, read_recording
@@ -19,20 +18,16 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, read_columns
 from imuloop.core.segments import STATIC
 from imuloop.diagnose.motion import no_result
-from imuloop.diagnose.poses import pose_problem, pose_products
+from imuloop.diagnose.poses import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
-from imuloop.estimate.likeness import SHARE, share_on_axes
-from imuloop.estimate.limits import detection_limits
 from imuloop.model.calibration import Calibration
-from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import NAMES
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 from imuloop.validate.attitude import no_attitude
 
-# tests of a device that share the significance, as the library has about; power of a limit
-TESTS, POWER = 30, 0.9
+# tests of a device that share the significance, as the library has about
+TESTS = 30
 # what takes longest, and is asked of devices without effects alone
 LIMITS = "imuloop.diagnose.content.detection_limits"
 # nothing that a study judges
@@ -148,45 +143,3 @@ def _problem(truth, sessions, folder):
     noise = NoiseModel.from_json(folder / "noise.json")
     pair, _ = start_fit(recording, noise, truth.gravity, units)
     return pair and pose_problem(pair, recording, DiagnoseSettings(), TESTS)
-
-
-def _with_products(problem):
-    """Return the problem with the products of both sensors, and these by sensor."""
-    each = {sensor: pose_products(problem.recording, sensor) for sensor in SENSORS}
-    formulas = {
-        EffectKind(Product, sensor): tuple(SensorEffect(one, sensor) for one in own)
-        for sensor, own in each.items()
-    }
-    return problem.with_formulas(formulas), each
-
-
-def product_limits(truth, sessions, folder):
-    """Return the detection limit of each of `physics.PRODUCTS`, SI, by formula."""
-    if (problem := _problem(truth, sessions, folder)) is None:
-        return {}
-    (problem, each), found = _with_products(problem), {}
-    search = Choices(problem)
-    for formula, (sensor, axis, _) in PRODUCTS.items():
-        for one in (p for p in each[sensor] if (p.formula, p.axis) == (formula, axis)):
-            trial = search.test((), SensorEffect(one, sensor))
-            trial = trial and replace(trial, log_tries=np.log(len(each[sensor])))
-            limits = detection_limits(search, (), trial, POWER) if trial else {}
-            found |= dict.fromkeys([formula], *limits.values())
-    return found
-
-
-def alike_products(formula, truth, sessions, folder):
-    """Return the products that a device cannot tell from one of `physics.PRODUCTS`.
-
-    The share of its pattern that each takes, where a diagnosis would call them twins, by formula
-    and axis.
-    """
-    problem, each = _with_products(_problem(truth, sessions, folder))
-    sensor, axis, _ = PRODUCTS[formula]
-    training_fit, found = Choices(problem).training_fit(()), {}
-    true = next(p for p in each[sensor] if (p.formula, p.axis) == (formula, axis))
-    for one in each[sensor]:
-        share = share_on_axes(training_fit, SensorEffect(true, sensor), SensorEffect(one, sensor))
-        if share >= SHARE:
-            found[one.formula, one.axis] = share
-    return found

@@ -7,13 +7,11 @@ import pickle
 def keep_outcome(folder, name, make, *arguments):
     """Return the outcome of this name in a folder, or else make it now and write it there.
 
-    Without a folder nothing is written; where `make` is None an outcome that is not there is None.
+    Without a folder nothing is written.
     """
     path = folder and folder / f"{name}.pickle"
     if path and path.exists():
         return pickle.loads(path.read_bytes())
-    if make is None:
-        return None
     outcome = make(*arguments)
     if path:
         folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,6 @@ the constants c of the variant, by their names in the library; they return (n, 3
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import eval_legendre
 
 from imuloop.effects.temperature import SMOOTHED
 from imuloop.simulate.sensor import lagged
@@ -162,22 +161,3 @@ def product(formula, size):
     """Return a function of `Channels`: one of `PRODUCTS` with its coefficient, SI."""
     _, axis, values = PRODUCTS[formula]
     return lambda now: np.outer(size * values(now), np.eye(3)["xyz".index(axis)])
-
-
-def harmonic(sensor, degree, size, seed):
-    """Return a function of `Channels`: a pattern of attitude of one degree, outside the library.
-
-    A Legendre polynomial about a random axis: on an accelerometer along gravity, the part that
-    its norm shows; on a gyroscope about its own axis on each axis.
-    """
-    axes = np.random.default_rng(seed).standard_normal((3, 3))
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-
-    def pattern(now):
-        f = now.output if sensor == "accelerometer" else now.other
-        u = f / np.linalg.norm(f, axis=1, keepdims=True)
-        if sensor == "accelerometer":
-            return size * eval_legendre(degree, u @ axes[0])[:, None] * u
-        return size * eval_legendre(degree, u @ axes.T)
-
-    return pattern

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from bench.study.physics import PRODUCTS
-from imuloop.diagnose.settings import DiagnoseSettings
-
 # name in a record at rest of an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
 # largest ratio of the held-out errors of the device with and without the effect
@@ -46,29 +43,6 @@ def twin(part, name, others):
     return next((other for of, other in pairs if of == name and other in others), None)
 
 
-def is_true(case, effect):
-    """Return whether a product that was found is the one that was put in."""
-    sensor, axis, _ = PRODUCTS[case.names[0]]
-    found = effect["constants"]
-    return (found["sensor"], found["axis"], found["formula"]) == (sensor, axis, case.names[0])
-
-
-def _judge_product(case, outcome, every):
-    """Return the fields of `judge` for a device with a product."""
-    part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
-    found = [e["constants"] for e in part["effects"] if e["name"] == "product"]
-    alike = [one["formula"] for one in found if (one["formula"], one["axis"]) in outcome["alike"]]
-    right = [*case.names] if any(is_true(case, {"constants": one}) for one in found) else []
-    return {
-        "verdict": part["verdict"],
-        "named": [one["formula"] for one in found],
-        "right": right,
-        "twins": {} if right or not alike else {case.names[0]: alike[0]},
-        "missed": [] if right or alike else [*case.names],
-        "more": [one for one in every if not alike or one[::2] != (case.sensor, "product")],
-    }
-
-
 def judge(case, outcome):
     """Return the verdict and the effects of a diagnosis, compared with the truth.
 
@@ -78,8 +52,6 @@ def judge(case, outcome):
     every = added_effects(outcome["diagnosis"])
     if case.kind == "control":
         return {"more": every}
-    if case.kind == "product":
-        return _judge_product(case, outcome, every)
     part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
     here = [
         name for sensor, record, name in every if (sensor, record) == (case.sensor, case.record)
@@ -102,34 +74,15 @@ def judge(case, outcome):
     }
 
 
-def ratio(case, outcome, whole=False):
-    """Return the held-out error after over the control's, the largest of the residuals.
-
-    For steps in a static record only the blocks of time count in which none happened, but for the
-    `whole`: no other block tells when.
-    """
+def ratio(case, outcome):
+    """Return the held-out error after over the control's, the largest of the residuals."""
     found, control = (
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )
-    if "steps" in case.names and case.record == "static_record" and not whole:
-        held = step_blocks(found["points"], outcome["injected"][0]["constants"]["times"])
-        after, before = (
-            np.mean([p[when] ** 2 for p in part["points"] if p["start_s"] not in held])
-            for part, when in ((found, "after"), (control, "before"))
-        )
-        return float(np.sqrt(after / before))
     return max(
         residual["after"] / control["residuals"][kind]["before"]
         for kind, residual in found["residuals"].items()
     )
-
-
-def step_blocks(points, times):
-    """Return the starts of the means in those blocks of a session in which a step happens, s."""
-    starts = np.unique([p["start_s"] for p in points])
-    block = np.arange(len(starts)) * DiagnoseSettings().blocks // len(starts)
-    happens = [block[np.searchsorted(starts, t, side="right") - 1] for t in times]
-    return set(starts[np.isin(block, happens)].tolist())
 
 
 def pulls(outcome):
@@ -157,14 +110,3 @@ def base_pulls(case, outcome):
     if any(f["constants"] != constants[f["name"]] for f in outcome.get("found", ())):
         return np.zeros(0)
     return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
-
-
-def explained_ratios(outcome):
-    """Return held-out error over floor of everything said to be explained or consistent."""
-    return [
-        residual["after"] / residual["floor"]
-        for parts in outcome["diagnosis"]["sensors"].values()
-        for part in parts.values()
-        if part["verdict"] in ("explained", "consistent")
-        for residual in part["residuals"].values()
-    ]

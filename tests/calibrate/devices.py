@@ -123,6 +123,15 @@ def difference(calibration, truth, names):
     return np.array([getattr(calibration, k)[i] - getattr(truth, k)[i] for k, i in places])
 
 
+def in_counts(sensor, scale, offset=32768.0):
+    """Return the SensorCalibration, in SI, of the same sensor logged in counts."""
+    unit = RawUnit("count", scale, offset)
+    factor = np.array([{"K": scale, "b": 1 / scale}.get(name[0], 1.0) for name in sensor.names])
+    covariance = sensor.covariance * np.outer(factor, factor)
+    known = {"K": sensor.K * scale, "b": unit.from_si(sensor.b), "covariance": covariance}
+    return replace(sensor, raw_unit=unit, **known)
+
+
 def scores(calibration, truth, names):
     """Return (estimate - truth) / standard error of the parameters `names`."""
     return difference(calibration, truth, names) / [calibration.std[name] for name in names]

@@ -58,12 +58,6 @@ def turn(rng):
     return w
 
 
-def sample_rate(w, rate, rng):
-    """Return an angular rate as it is logged, from a random instant on."""
-    step = round(RATE / rate)
-    return w[rng.integers(step) :: step]
-
-
 def log(rate, seed, truth, poses=40):
     """Return the log of a session of such turns of a device, and of rests between them.
 

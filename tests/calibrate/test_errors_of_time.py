@@ -34,7 +34,6 @@ def in_order(log):
 
 
 HARMS = {
-    "none": lambda log, rng: log,
     "3 % lost, 2 to 5 in a row": lambda log, rng: lose(log, 0.03, rng, range(2, 6)),
     "1 % lost, stamps off by 2 ms": lambda log, rng: in_order(
         stamp_late(lose(log, 0.01, rng), 0.002, rng)
@@ -42,10 +41,8 @@ HARMS = {
 }
 
 
-# without harm intervals are tested in test_joint_fit.py, too
-@pytest.mark.parametrize(
-    "harm", [pytest.param(harm, marks=[pytest.mark.study] * (harm == "none")) for harm in HARMS]
-)
+# without harm intervals are tested in tests/estimate/test_joint_fit.py
+@pytest.mark.parametrize("harm", HARMS)
 def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     found = []
     for seed in range(100, 100 + SEEDS):
@@ -53,12 +50,8 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
         force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
-        assert made.rotations.time_covariance.any() == (harm != "none")
-        sensors = (
-            scores(force, TRUTH.accelerometer, NAMES["accelerometer"]),
-            scores(turn, TRUTH.gyroscope, NAMES["gyroscope"]),
-        )
-        found.append((np.concatenate(sensors), turn.reduced_chi2))
+        assert made.rotations.time_covariance.any()
+        found.append((pulls(force, turn), turn.reduced_chi2))
     each, chi2 = (np.array(part) for part in zip(*found, strict=True))
     # the mean score has a standard error of 1/sqrt(SEEDS)
     drift = each.mean(axis=0) * np.sqrt(SEEDS)
@@ -66,6 +59,13 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     # of 63 scores, some of which correlate within a device
     assert (np.abs(each) < 1.96).mean() >= 0.88
     assert np.mean(chi2) == pytest.approx(1, abs=0.25)
+
+
+def pulls(force, turn):
+    """Return the errors of T, K and b of both sensors, in their standard errors."""
+    names = NAMES.values()
+    each = zip((force, turn), (TRUTH.accelerometer, TRUTH.gyroscope), names, strict=True)
+    return np.concatenate([scores(*one) for one in each])
 
 
 def test_turns_lost_to_gaps_are_counted_and_named():
@@ -100,29 +100,37 @@ def calibrated_from_file(log, folder):
     return *calibrate_recording(made, NOISE, TRUTH.gravity), made
 
 
-# the upper end alone, or both
-@pytest.mark.parametrize("low", [pytest.param(-np.inf, marks=pytest.mark.study), -1.0])
-def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
-    log = simulate_session(TRUTH, "multi_position", 106)
-    top = 0.75 * log[list(ANGULAR_RATE)].abs().max().max()
-    log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(low * top, top)
-    _, turn, made = calibrated_from_file(log, tmp_path)
-    assert 0 < made.lost.clipped < 0.5 * made.lost.rotations
-    assert len(made.rotations) == made.lost.rotations - made.lost.clipped
-    assert np.abs(scores(turn, TRUTH.gyroscope, NAMES["gyroscope"])).max() < 4
-    assert turn.reduced_chi2 < 1.6
+# channels, the ends of their range as a share of the largest value, and what is said where nearly
+# all is beyond; at 0.3 of the force each rest is at an end
+CLIPPED = {
+    "fastest turns": (ANGULAR_RATE, 0.75, -0.75, ""),
+    "all turns": (ANGULAR_RATE, 0.15, -0.15, "choose a wider range or turn more slowly"),
+    "some rests": (ACCELERATION, 9.0, -9.0, ""),
+    "nearly all rests": (ACCELERATION, 6.0, -6.0, "rests at the end of the accelerometer's range"),
+}
 
 
-# of the second, turns come to half of what gravity shows: no scale of the logger
-@pytest.mark.parametrize("limit", [pytest.param(0.3, marks=pytest.mark.study), 0.5])
-def test_of_turns_that_are_all_beyond_the_range_the_reason_says_so(limit, tmp_path):
+@pytest.mark.parametrize("clipped", CLIPPED)
+def test_what_is_beyond_the_range_is_left_out_and_pulls_nothing(clipped, tmp_path):
+    channels, high, low, why = CLIPPED[clipped]
     log = simulate_session(TRUTH, "multi_position", 106)
-    log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-limit, limit)
-    _, turn, made = calibrated_from_file(log, tmp_path)
-    assert len(made.rotations) < 5
-    assert "choose a wider range or turn more slowly" in too_few(made)["gyroscope"]
-    # the rests still know the bias
-    np.testing.assert_allclose(turn.b, TRUTH.gyroscope.b, atol=1e-4)
+    size = log[list(channels)].abs().max().max() if channels == ANGULAR_RATE else 1.0
+    log[list(channels)] = log[list(channels)].clip(low * size, high * size)
+    force, turn, made = calibrated_from_file(log, tmp_path)
+    if why:
+        assert why in (force.not_testable or too_few(made)["gyroscope"])
+        # the rests still know the bias
+        if channels == ANGULAR_RATE:
+            np.testing.assert_allclose(turn.b, TRUTH.gyroscope.b, atol=1e-4)
+        return
+    lost, total = (
+        (made.lost.clipped, made.lost.rotations)
+        if channels == ANGULAR_RATE
+        else (made.lost.railed, len(made.poses))
+    )
+    assert 0 < lost < 0.5 * total
+    assert np.abs(pulls(force, turn)).max() < 4
+    assert max(force.reduced_chi2, turn.reduced_chi2) < 1.6
 
 
 def test_a_move_in_which_the_accelerometer_is_at_the_end_of_its_range_is_none():
@@ -138,21 +146,3 @@ def test_a_move_in_which_the_accelerometer_is_at_the_end_of_its_range_is_none():
     assert len(made.rotations) == len(whole.rotations)
     beyond = np.isnan(knocks(made, np.zeros(3)))
     assert np.flatnonzero(beyond).tolist() == [k]
-
-
-def test_rests_at_the_end_of_the_range_are_left_out_and_pull_nothing(tmp_path):
-    log = simulate_session(TRUTH, "multi_position", 106)
-    log[list(ACCELERATION)] = log[list(ACCELERATION)].clip(-9.0, 9.0)
-    force, turn, made = calibrated_from_file(log, tmp_path)
-    assert 2 < made.lost.railed < 0.5 * len(made.poses)
-    assert np.abs(scores(force, TRUTH.accelerometer, NAMES["accelerometer"])).max() < 4
-    assert np.abs(scores(turn, TRUTH.gyroscope, NAMES["gyroscope"])).max() < 4
-    assert force.reduced_chi2 < 1.6
-
-
-def test_of_rests_that_are_nearly_all_at_the_end_of_the_range_the_reason_says_so(tmp_path):
-    log = simulate_session(TRUTH, "multi_position", 106)
-    log[list(ACCELERATION)] = log[list(ACCELERATION)].clip(-6.0, 6.0)
-    force, _, made = calibrated_from_file(log, tmp_path)
-    assert made.lost.railed > len(made.poses)
-    assert f"{made.lost.railed} rests at the end of the accelerometer's range" in force.not_testable

@@ -82,23 +82,66 @@ def test_intervals_cover_the_truth_however_few_poses_there_are():
 LEVEL = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]) / np.sqrt(2)
 FACES = np.vstack([np.eye(3), -np.eye(3)])
 BETWEEN = np.array([[1.0, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]]) / np.sqrt(2)
+SPREAD = ATTITUDES[:40] / np.linalg.norm(ATTITUDES[:40], axis=1)[:, None]
 
 
 @pytest.mark.parametrize(
-    ("attitudes", "named"),
+    ("attitudes", "named", "of_data_sheet"),
     [
-        (FACES, "No pose lies between x and y, x and z and y and z: misalignment xy, xz and yz"),
-        (np.vstack([FACES, BETWEEN]), "No pose lies between x and y: misalignment xy is the data"),
-        (FACES[[0, 1, 3, 4]], "Too few poses: misalignment xy, xz and yz, scale factor z and bias"),
-        (np.vstack([FACES, BETWEEN, LEVEL]), None),
+        (
+            FACES,
+            "No pose lies between x and y, x and z and y and z: misalignment xy, xz and yz",
+            "T01 T02 T12",
+        ),
+        (
+            np.vstack([FACES, BETWEEN]),
+            "No pose lies between x and y: misalignment xy is the data",
+            "T01",
+        ),
+        (
+            FACES[[0, 1, 3, 4]],
+            "Too few poses: misalignment xy, xz and yz, scale factor z and bias",
+            "T01 T02 T12 K2 b2",
+        ),
+        (FACES[[2, 5] * 10], "Too few poses", "T01 T02 T12 K0 K1 b0 b1"),
+        (SPREAD[:1], "Too few poses", "T01 T02 T12 K0 K1 K2 b0 b1"),
+        (np.vstack([FACES, BETWEEN, LEVEL]), None, ""),
+        (SPREAD, None, ""),
     ],
 )
-def test_what_the_poses_did_not_show_is_named_with_the_poses_to_add(attitudes, named):
+def test_what_the_poses_did_not_show_is_named_with_the_poses_to_add(
+    attitudes, named, of_data_sheet
+):
     force, _ = calibrate_recording(at_rest(9.80665 * attitudes, 1e-3), UNKNOWN_NOISE, 9.80665)
+    assert (force.method, force.not_testable) == ("multi_position", None)
     found = remarks("accelerometer", force)
     assert found == [] if named is None else found[0].startswith(named)
-    of_data_sheet = {row[0] for row in force.parameters("accelerometer") if row[4] == "data sheet"}
-    assert of_data_sheet == set(force.unimproved)
+    assert force.unimproved == tuple(of_data_sheet.split())
+    listed = {row[0] for row in force.parameters("accelerometer") if row[4] == "data sheet"}
+    assert listed == set(force.unimproved)
+
+
+@pytest.mark.parametrize("unit", [1.0, 9.8])
+def test_poses_that_contradict_each_other_are_refused(unit):
+    f, k = 9.80665 * SPREAD[:30], np.arange(30)
+    for offset, reason in (
+        (0 * k, ""),
+        (k > 15, "the accelerometer changed at about 157.5 s"),
+        (k % 2, "its poses contradict each other"),
+    ):
+        made = at_rest((f + 5.0 * offset[:, None]) / unit, 1e-4 / unit)
+        force, _ = calibrate_recording(made, UNKNOWN_NOISE, 9.80665)
+        assert reason in (force.not_testable or "")
+        assert force.method == ("nominal" if reason else "multi_position")
+
+
+def test_poses_without_noise_weigh_no_more_than_their_residual():
+    """Three poses of a deaf channel and 13 others; measured of 14 poses of a fuzzed log."""
+    f = 9.80665 * SPREAD[:16] + np.random.default_rng(1).normal(0, 0.1, (16, 3))
+    made = at_rest(f, np.where(np.arange(16) < 3, 1e-17, 1e-3))
+    force, _ = calibrate_recording(made, UNKNOWN_NOISE, 9.80665)
+    off = np.concatenate([force.T[np.triu_indices(3, 1)], force.K - 1, force.b])
+    assert np.abs(off / [*force.std.values()]).max() < 3.5
 
 
 def test_a_board_with_half_a_g_of_offset_is_calibrated_and_reported():

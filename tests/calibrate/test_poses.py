@@ -3,48 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrate_recording, known_noise, recording
 from imuloop.calibrate.nominal import rest_bias
-from imuloop.calibrate.poses import gather_poses, rounding_variance
-from imuloop.calibrate.recording import record
-from imuloop.calibrate.sessions import why_no_pose
+from imuloop.calibrate.poses import rounding_variance
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
-from imuloop.core.segments import segment_table
-from imuloop.core.tables import write_table
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
-
-
-def session(temperature=None):
-    """Return 12 s at 10 Hz: rests of 3, 2 and 4 s, the first two one pose; ax counts samples."""
-    t = np.arange(120) / 10
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    log["ax"] = np.arange(120.0)
-    if temperature is not None:
-        log["temperature"] = temperature
-    edges = np.array([0, 3, 4, 6, 8, 12.0])
-    kinds = ["static", "motion", "static", "motion", "static"]
-    return log, segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 0, -1, 1])
-
-
-def test_rests_of_one_pose_are_pooled_and_rotations_run_between_poses():
-    log, table = session()
-    poses = gather_poses([table, table])
-    assert poses.session.tolist() == [0, 0, 1, 1]
-    assert poses.n.tolist() == [50, 40, 50, 40]
-    assert poses.duration_s.tolist() == [5, 4, 5, 4]
-    assert poses.f[0, 0] == pytest.approx((30 * 14.5 + 20 * 49.5) / 50)
-    rotations, shorter = (record([log] * 2, [table] * 2, s).rotations for s in (30.0, 1.9))
-    # none from the first session to the second
-    assert rotations.first.tolist() == [0, 2]
-    assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
-    assert len(shorter) == 0
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
@@ -56,22 +25,6 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
     foreseen = rounding_variance(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread
-
-
-def test_missing_temperatures_are_interpolated_and_a_session_without_leaves_none():
-    temperature = 20.0 + np.arange(120) / 100
-    temperature[[0, 1, 2, 50, 51, 110]] = np.nan
-    log, table = session(temperature)
-    made = record([log], [table], 30.0)
-    # on a straight line interpolation is exact; before the first value that value holds
-    filled = np.maximum(20.0 + np.arange(120) / 100, 20.03)
-    np.testing.assert_allclose(made.logs[0].temperature, filled)
-    # a pose of two rests: everything from the first to the last of its samples
-    np.testing.assert_allclose(made.poses.temperature, [filled[:60].mean(), filled[80:].mean()])
-    assert np.isfinite(made.rotations.temperature).all()
-    for cold in (session()[0], log.assign(temperature=np.nan)):
-        made = record([log, cold], [table, table], 30.0)
-        assert made.poses.temperature is None and made.rotations.temperature is None
 
 
 LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))
@@ -97,11 +50,6 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
         assert (sensor.method, sensor.not_testable) == expected
     rest = rest_bias(poses, noise, RATE_UNIT, "bias only")
     assert rest.method == ("nominal" if axis >= 3 else "static")
-    # two axes are named both
-    both = dict.fromkeys((CHANNELS[axis], CHANNELS[axis - 1]), own)
-    silent = replace(poses, variance=0 * poses.variance) if not variance else poses
-    found = silent.unknown_noise(NoiseModel("d", {**known.axes, **both}), CHANNELS)
-    assert found.startswith(", ".join(c for c in CHANNELS if c in both) + f" {what}")
 
 
 def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():
@@ -115,15 +63,3 @@ def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():
         pulls.append((rest.b - TRUTH.gyroscope.b) / [rest.std[f"b{k}"] for k in range(3)])
     # Student's t with three degrees of freedom: within 3.182 in 95 %
     assert np.mean(np.abs(pulls) < student.ppf(0.975, count - 1)) == pytest.approx(0.95, abs=0.02)
-
-
-def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):
-    empty = pd.DataFrame({"t": [], **{c: [] for c in CHANNELS}})
-    moving = pd.DataFrame({"t": [0.0, 1.0], **{c: [0.0, 1.0] for c in CHANNELS}})
-    write_table(tmp_path / "turns", segment_table(empty, [], [], [], []), {})
-    write_table(tmp_path / "swing", segment_table(moving, [0.0], [2.0], ["motion"], [-1]), {})
-    kind = "multi_position"
-    sessions = {n: {"kind": kind, "segments": tmp_path / n} for n in ("turns", "swing")}
-    assert why_no_pose(sessions, "six_position") == "no six_position session with a pose"
-    fates = "turns was rejected, swing has no rest that is a pose"
-    assert why_no_pose(sessions, kind) == f"no multi_position session with a pose: {fates}"

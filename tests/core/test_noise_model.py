@@ -1,7 +1,5 @@
 """The noise model against closed forms, and against the dense covariance of samples."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -100,8 +98,3 @@ def test_the_file_gives_back_what_was_written(tmp_path):
     noise = model(PROCESSES["all"])
     write_json(tmp_path / "noise.json", noise.to_dict())
     assert NoiseModel.from_json(tmp_path / "noise.json") == noise
-
-
-@pytest.mark.parametrize("name", PROCESSES)
-def test_noise_as_a_dict_is_read_again(name):
-    assert AxisNoise.from_dict(asdict(PROCESSES[name])) == PROCESSES[name]

@@ -48,25 +48,6 @@ class Rows:
     def training_fit(self, base, held_out):
         return self.evidence.training_fit(held_out)
 
-    def residuals(self, search, base):
-        return search.training_fit(base).residuals(base, 0)[:, None]
-
-    error_scale = 1.0
-
-    def is_like_slow_noise(self, effect):
-        return False
-
-    kinds: ClassVar = {"kind": ("1", 1)}
-
-    def of_kind(self, kind):
-        return np.ones(len(self.fold_of_row), dtype=bool)
-
-    def most_changed_rows(self, search, base, trial):
-        return "kind", slice(None)
-
-    def refit(self, base):
-        return None
-
 
 def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     """Return rows with their own problem.

@@ -1,60 +1,13 @@
-"""Products of outputs: named where no effect with a cause explains a record, and not tried else."""
-
-import json
-from unittest.mock import patch
+"""Products of outputs: which there are; tests/diagnose/test_devices.py has one that is found."""
 
 import numpy as np
 import pytest
 
-from bench.study import physics
 from bench.study.chain import diagnosis_of
-from bench.study.devices import Injected, motion_device, poses_device, with_effects
-from calibrate.devices import plan_session, recording
-from diagnose.models import pose_result
+from bench.study.devices import Injected, motion_device, with_effects
 from imuloop.core.errors import ImuloopError
-from imuloop.effects.products import Product, products
+from imuloop.effects.products import products
 from imuloop.model.effect import FittedEffect
-
-# of sizes of about three detection limits
-SIZES = {"f_y² f_z": 5e-5, "f_x f_y f_z": 5e-5, "θ f_x": 2e-4, "w_x f_y": 2e-4, "w_x w_z f_y": 4e-4}
-QUICK = ("f_y² f_z",)
-SEED = 7
-
-
-def device(formula=""):
-    truth = plan_session(poses_device("few"))
-    if formula:
-        sensor, *_ = physics.PRODUCTS[formula]
-        extra = physics.product(formula, SIZES[formula])
-        truth = with_effects(truth, [Injected(sensor, "product", extra=extra)])
-    return truth, recording(truth, SEED)
-
-
-@pytest.mark.usefixtures("no_limits")
-@pytest.mark.parametrize(
-    "formula",
-    [f if f in QUICK else pytest.param(f, marks=pytest.mark.study) for f in physics.PRODUCTS],
-)
-def test_a_product_is_named_by_its_formula(formula):
-    sensor, axis, _ = physics.PRODUCTS[formula]
-    found = pose_result(*device(formula), tests=30, folds=6)
-    (effect,) = found.contents[sensor]["effects"]
-    assert (effect["name"], effect["constants"]["formula"]) == ("product", formula)
-    assert effect["constants"]["axis"] == axis and found.contents[sensor]["verdict"] == "explained"
-    error = effect["parameters"][f"c{axis}"] - SIZES[formula]
-    assert abs(error) < 4 * effect["std"][f"c{axis}"]
-    (other,) = {"accelerometer", "gyroscope"} - {sensor}
-    assert found.contents[other]["effects"] == []
-
-
-@pytest.mark.usefixtures("no_limits")
-def test_a_record_at_its_floor_is_not_searched_for_products():
-    where = "imuloop.diagnose.poses.products"
-    with patch(where, side_effect=AssertionError("it was searched")):
-        found = pose_result(*device(), tests=30, folds=6)
-    for content in found.contents.values():
-        assert content["verdict"] == "consistent"
-        assert "product" not in {c["name"] for c in content["candidates"]}
 
 
 def test_products_are_all_up_to_degree_three_but_for_the_base_model():
@@ -66,40 +19,13 @@ def test_products_are_all_up_to_degree_three_but_for_the_base_model():
     assert {"f_x", "w_x f_y", "w_x w_z f_y"} <= set(formulas) and not {"w_x", "θ"} & set(formulas)
 
 
-def test_a_product_is_the_same_after_a_file():
-    for made in (*products("gyroscope", "wf", 30.0), *products("accelerometer", "fw")):
-        one = FittedEffect(made, dict.fromkeys(made.parameters, 1e-3), {})
-        again = FittedEffect.from_dict(json.loads(json.dumps(one.to_dict())))
-        assert again.effect == made and again.values == one.values
+WRONG = [{"formula": f} for f in ("f_y² f_z²", "θ f_x θ", "g_x f_y", "", 3)]
 
 
-@pytest.mark.parametrize(
-    "constants",
-    [
-        {"formula": "f_y² f_z²"},
-        {"formula": "θ f_x θ"},
-        {"formula": "g_x f_y"},
-        {"formula": ""},
-        {"axis": "xy"},
-        {"sensor": "barometer"},
-        {"formula": 3},
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("constants", [*WRONG, {"axis": "xy"}, {"sensor": "barometer"}], ids=str)
 def test_what_is_no_product_is_refused(constants):
     with pytest.raises(ImuloopError, match="effect product: its constants do not fit"):
         FittedEffect.from_dict({"name": "product", "constants": constants, "parameters": {}})
-
-
-def test_a_product_acts_on_its_axis_alone():
-    from diagnose.test_effects import log
-
-    channels = log(50)
-    for formula, (sensor, axis, values) in physics.PRODUCTS.items():
-        design = Product(formula, axis, sensor, 29.0).design(channels)[:, :, 0]
-        expected = np.zeros((50, 3))
-        expected[:, "xyz".index(axis)] = values(channels)
-        np.testing.assert_allclose(design, expected, rtol=1e-12)
 
 
 @pytest.mark.study
@@ -108,7 +34,7 @@ def test_motion_shows_a_product_with_the_rate():
         return np.outer(0.01 * now.other[:, 1] * now.output[:, 0], [0.0, 0.0, 1.0])
 
     truth = with_effects(motion_device(), [Injected("accelerometer", "product", extra=extra)])
-    found = diagnosis_of(truth, SEED, limits=False, motion=True)["sensors"]
+    found = diagnosis_of(truth, 7, limits=False, motion=True)["sensors"]
     (effect,) = found["accelerometer"]["motion"]["effects"]
     assert (effect["constants"]["formula"], effect["constants"]["axis"]) == ("f_x w_y", "z")
     assert effect["parameters"]["cz"] == pytest.approx(0.01, rel=0.1)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from calibrate.devices import (
     calibrate_recording,
@@ -15,10 +14,7 @@ from calibrate.devices import (
 )
 from imuloop.calibrate.recording import Log, pose_means
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sphere import fibonacci_lattice
-from imuloop.factors.factors import Factors
-from imuloop.model.raw_units import in_nominal_si
-from imuloop.model.state import NAMES, State
+from imuloop.model.state import NAMES
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from seeds import seeds
@@ -91,49 +87,3 @@ def test_a_bias_that_is_held_stays_at_the_first_rest():
     np.testing.assert_allclose([turn.std[f"b{k}"] for k in range(3)], expected)
     assert not turn.covariance[:9, 9:].any()
     assert force.method == turn.method == "multi_position"
-
-
-def plain_fit(made, gravity):
-    """Return base parameters by equal weights, (21,).
-
-    Nine of gravity's norm; nine of the rotations by these, and the mean rate of the rests.
-    """
-    n, base = len(made.poses), np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
-    base[-3:] = np.average(made.poses.w, axis=0, weights=made.poses.duration_s)
-    measured = Factors(gravity).linearised_about(made, State(base))
-    # the angles between gravity as it is carried and as it is measured come after the rates
-    for own, rows in ((slice(0, 9), slice(0, n)), (slice(9, 18), slice(4 * n, None))):
-
-        def errors(x, own=own, rows=rows):
-            whole = np.concatenate([base[: own.start], x, base[own.stop :]])
-            return measured.at(whole).residual[rows]
-
-        base[own] = least_squares(errors, base[own], x_scale="jac").x
-    return base
-
-
-def errors_in_use(x, truth):
-    """Return the root mean square error over all directions of gravity, and of turns at 90 deg/s.
-
-    The accelerometer's frame is its own x axis and xy plane: turning all is not an error.
-    """
-    u, found, state = fibonacci_lattice(200), [], State(x)
-    for name, size in (("accelerometer", truth.gravity), ("gyroscope", np.pi / 2)):
-        true = getattr(truth, name)
-        raw = np.linalg.solve(true.T, size * u.T).T / true.K + true.b
-        found.append(np.sqrt(np.mean((state.sensor(name).aligned(raw) - size * u) ** 2)))
-    return found
-
-
-@seeds(6, 12)
-def test_it_is_no_worse_than_a_plain_fit_on_clean_devices(seeds):
-    ratios = []
-    for seed in range(seeds):
-        made = recording(COARSE, 300 + seed)
-        sensors = calibrate_recording(made, NOISE, COARSE.gravity)
-        joint = np.concatenate([in_nominal_si(*each) for each in zip(NAMES, sensors, strict=True)])
-        each = [errors_in_use(x, COARSE) for x in (joint, plain_fit(made, COARSE.gravity))]
-        ratios.append(np.divide(*each))
-    # in the mean it is better, and none is worse by more than its noise
-    assert np.exp(np.mean(np.log(ratios), axis=0)).max() < 1.02
-    assert np.max(ratios) < 1.5

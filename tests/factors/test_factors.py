@@ -1,5 +1,7 @@
 """Residuals of both sensors: their derivative by the parameters, and by effects of either."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,37 @@ def test_the_derivative_is_that_of_the_residuals(example_recording, counted):
         worst = np.abs(own - theirs).max(axis=0)
         assert np.all(worst < most * np.abs(own).max(axis=0) + 1e-7), kind
         assert np.any(own[:, :COUNT])
+
+
+def chi_square(values, covariance, biases):
+    """Return chi square and its degrees of freedom where biases, derivatives (n, q), are free."""
+    white = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([values, biases]))
+    q = np.linalg.qr(white[:, 1:][:, np.any(biases, axis=0)])[0]
+    left = white[:, 0] - q @ (q.T @ white[:, 0])
+    return np.array([left @ left, len(left) - q.shape[1]])
+
+
+# of both sensors among all parameters: slow noise has its mean over the rests in them
+BIASES = np.r_[6:9, 18:21]
+
+
+@pytest.mark.parametrize("walk", [0.0, 3e-5], ids=["as usual", "a walk of the rate"])
+def test_errors_at_the_truth_have_the_predicted_covariance(walk):
+    """A walk is common to rotations, to the poses beside them, and to velocities."""
+    truth = plan_session(example_truth(), poses=20, move_s=(1.0, 2.0), temperature=None)
+    if walk:
+        noise = replace(truth.gyroscope.noise, B=(0.0, 0.0, 0.0), K=(walk,) * 3)
+        truth = replace(truth, gyroscope=replace(truth.gyroscope, noise=noise))
+    found = {}
+    for seed in range(5):
+        made = recording(truth, 100 + seed)
+        joint, x = true_fit(truth, made)
+        at, kinds = joint.measure(x, made).at(x), joint.rows(made)[1]
+        r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
+        groups = {kind: kinds == kind for kind in joint.kinds} | {"all": kinds != ""}
+        for kind, rows in groups.items():
+            own = covariance[np.ix_(rows, rows)]
+            more = chi_square(r[rows], own, jacobian[np.ix_(rows, BIASES)])
+            found[kind] = found.get(kind, 0) + more
+    for kind, (chi2, dof) in found.items():
+        assert chi2 / dof == pytest.approx(1, abs=3 * np.sqrt(2 / dof)), kind

@@ -64,16 +64,18 @@ def test_a_parameter_that_few_determined_is_left_out():
     assert found["gyroscope.K1"]["devices"] == "d1 e f".split()
 
 
-def test_an_effect_of_one_device_is_not_that_of_the_type():
-    rng = np.random.default_rng(0)
-    one = [diagnosis_of(g_sensitivity=p) for p in [1e-30, *rng.uniform(0.05, 1, 9)]]
-    found = of_effects(*one)["g_sensitivity"]
-    assert found["added"] == ["d0"] and found["tried"] == 10 and found["p_value"] > 0.3
+ALONE = [1e-30, *np.random.default_rng(0).uniform(0.05, 1, 9)]
 
 
-def test_an_effect_that_none_shows_by_itself_all_show_together():
-    found = of_effects(*[diagnosis_of(g_sensitivity=p) for p in [0.03, 0.02, 0.04, 0.01] * 5])
-    assert found["g_sensitivity"]["added"] == [] and found["g_sensitivity"]["p_value"] < 1e-6
+@pytest.mark.parametrize(
+    ("p_values", "added", "of_type"),
+    [(ALONE, ["d0"], False), ([0.03, 0.02, 0.04, 0.01] * 5, [], True)],
+    ids=["one device shows it", "none by itself, all together"],
+)
+def test_an_effect_is_that_of_the_type_where_all_devices_show_it(p_values, added, of_type):
+    found = of_effects(*(diagnosis_of(g_sensitivity=p) for p in p_values))["g_sensitivity"]
+    assert found["added"] == added and found["tried"] == len(p_values)
+    assert found["p_value"] < 1e-6 if of_type else found["p_value"] > 0.3
 
 
 def test_what_was_not_tried_does_not_count():

@@ -1,11 +1,12 @@
 """Devices that stand out: named where there are some, and hardly ever where none are."""
 
 import numpy as np
+import pytest
 
 from family.members import EVERY, Family
 from imuloop.core.p_values import holm
 from imuloop.family.family import SIGNIFICANCE, compare_devices
-from imuloop.family.odd import AT_MOST, deviations
+from imuloop.family.odd import deviations
 from seeds import least_count, seeds
 
 KINDS = ("accelerometer.b", "gyroscope.K")
@@ -39,27 +40,19 @@ def test_one_parameter_alone_is_named_as_often_as_an_exact_test_can(seeds):
     assert hits >= least_count(count, 0.65, 0.01)
 
 
-def test_two_odd_devices_do_not_hide_each_other_or_themselves():
-    rng = np.random.default_rng(0)
-    y, std = rng.normal(size=30), np.full(30, 0.1)
-    y[3], y[4] = 12.0, 12.5
+# values and standard errors of devices, which of them are changed, and which stand out
+RNG = np.random.default_rng(0)
+ODD = {
+    "two do not hide each other": (RNG.normal(size=30), 0.1, {3: 12.0, 4: 12.5}, {}, {3, 4}),
+    "one that knows little": (RNG.normal(size=30), 0.1, {3: 12.0}, {3: 10.0}, set()),
+    "no spread but noise": (1e-3 * RNG.normal(size=20), 1e-3, {}, {}, set()),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_devices_that_stand_out(case):
+    y, error, changed, less_sure, odd = ODD[case]
+    std = np.full(len(y), error)
+    y[[*changed]], std[[*less_sure]] = [*changed.values()], [*less_sure.values()]
     away, p = deviations(y, std**2)
-    assert set(np.flatnonzero(holm(p) < SIGNIFICANCE)) == {3, 4}
-    assert away[3] > 8
-    # of fewer than ten devices none is left out beforehand
-    assert int(AT_MOST * 9) == 0
-
-
-def test_a_device_that_knows_little_of_itself_is_not_odd():
-    rng = np.random.default_rng(4)
-    y, std = rng.normal(size=30), np.full(30, 0.1)
-    y[3], std[3] = 12.0, 10.0
-    away, p = deviations(y, std**2)
-    assert abs(away[3]) < 2 and holm(p).min() > SIGNIFICANCE
-
-
-def test_what_is_the_same_in_all_devices_but_for_noise_has_no_odd_one():
-    rng = np.random.default_rng(2)
-    std = np.full(20, 1e-3)
-    away, p = deviations(1e-3 * rng.normal(size=20), std**2)
-    assert np.isfinite(away).all() and holm(p).min() > SIGNIFICANCE
+    assert np.isfinite(away).all() and {*np.flatnonzero(holm(p) < SIGNIFICANCE)} == odd

@@ -1,6 +1,5 @@
 """A calibration applied to a file gives the same as applied to the samples in it."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.errors import ImuloopError
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, filled
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, filled
 from imuloop.core.units import RawUnit
 from imuloop.model.apply_file import apply_file
 from imuloop.model.calibration import Calibration
@@ -91,7 +90,6 @@ def with_delays(seconds):
 # a calibration, another that it differs from, and by how much at least
 WITHOUT = calibration([])
 CASES = {
-    **{name: (calibration([name]), WITHOUT, 1e-6) for name in DESIGNED},
     "all effects": (calibration(DESIGNED), WITHOUT, 1e-6),
     "a late thermometer": (with_late_thermometer(), calibration(["bias_temperature"]), 1e-3),
     "9 ms late": (with_delays(9e-3), WITHOUT, 0.1),
@@ -136,17 +134,10 @@ def test_an_empty_log_stays_empty(log, tmp_path):
 
 
 def test_what_cannot_be_applied_is_refused(log, tmp_path):
+    """A log that was calibrated before, tests/test_apply.py has; no whole file, tests/core."""
     made = calibration([])
-    made.apply_file(log, tmp_path / "once.parquet")
-    metadata = json.loads(pq.read_schema(tmp_path / "once.parquet").metadata[METADATA_KEY])
-    assert metadata == {"calibrated": True, "device": "d"}
-    with pytest.raises(ImuloopError, match=r"once\.parquet: its samples are calibrated already"):
-        made.apply_file(tmp_path / "once.parquet", tmp_path / "twice.parquet")
     with pytest.raises(ImuloopError, match=r"\.csv or \.parquet"):
         made.apply_file(log, tmp_path / "out.txt")
     pq.write_table(pa.table({"t": [0.0], "ax": [1.0]}), tmp_path / "few.parquet")
     with pytest.raises(ImuloopError, match=r"few\.parquet: no column ay, az, gx, gy, gz"):
         made.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")
-    (tmp_path / "text.parquet").write_text("t,ax\n")
-    with pytest.raises(ImuloopError, match="no whole Parquet file"):
-        made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")

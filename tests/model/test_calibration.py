@@ -42,19 +42,22 @@ def test_the_file_gives_back_what_was_written(tmp_path):
     names = find_effect("g_sensitivity").parameters
     values, std = dict.fromkeys(names, 1e-4), dict.fromkeys(names, 1e-6)
     effect = FittedEffect(find_effect("g_sensitivity")(), values, std)
-    calibration = Calibration(
-        "d", 9.80665, SensorCalibration.nominal(COUNTS, "why"), sensor(effects=(effect,))
-    )
+    turn = sensor(effects=(effect,), verdict="unexplained")
+    calibration = Calibration("d", 9.80665, SensorCalibration.nominal(COUNTS, "why"), turn)
     calibration.to_json(tmp_path / "c.json")
     back = Calibration.from_json(tmp_path / "c.json")
     back.to_json(tmp_path / "again.json")
     assert (tmp_path / "c.json").read_bytes() == (tmp_path / "again.json").read_bytes()
-    assert back.gyroscope.effects == (effect,)
+    assert back.gyroscope.effects == (effect,) and back.gyroscope.verdict == "unexplained"
     assert back.gyroscope.std == {"b0": pytest.approx(2e-4)}
     assert back.accelerometer.raw_unit == COUNTS
     content = json.loads((tmp_path / "c.json").read_text())
     assert list(content)[:3] == ["format", "device", "gravity"]
     assert {"raw_unit", "T", "K", "b", "covariance", "effects"} <= set(content["gyroscope"])
+    # files of before have no verdict
+    del content["gyroscope"]["verdict"]
+    (tmp_path / "c.json").write_text(json.dumps(content))
+    assert Calibration.from_json(tmp_path / "c.json").gyroscope.verdict is None
 
 
 def test_what_was_not_measured_is_applied_only_when_it_is_asked_for(tmp_path):
@@ -94,19 +97,6 @@ def test_a_step_is_said_to_be_of_the_calibrated_log():
     force, turn = (sensor(not_testable=None, effects=e) for e in ((step, warm), (warm,)))
     made = Calibration("d", 9.81, force, turn)
     assert made.limits() == [f"accelerometer: steps {OF_ONE_LOG}"]
-
-
-def test_the_verdict_is_kept_and_files_without_it_are_read(tmp_path):
-    """Protects files of before: they have no verdict, and it is not known then."""
-    nominal = SensorCalibration.nominal(COUNTS, "why")
-    made = Calibration("d", 9.81, nominal, sensor(verdict="unexplained"))
-    made.to_json(tmp_path / "c.json")
-    assert Calibration.from_json(tmp_path / "c.json").gyroscope.verdict == "unexplained"
-    content = json.loads((tmp_path / "c.json").read_text())
-    for name in ("accelerometer", "gyroscope"):
-        del content[name]["verdict"]
-    (tmp_path / "c.json").write_text(json.dumps(content))
-    assert Calibration.from_json(tmp_path / "c.json").gyroscope.verdict is None
 
 
 @pytest.mark.parametrize("way", ["apply", "apply_arrays"])

@@ -8,11 +8,6 @@ from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import covariances
 from imuloop.noise.signal import Signal
 
-
-def distances(starts):
-    return np.abs(np.subtract.outer(starts, starts))
-
-
 BROKEN = Signal(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
 
@@ -29,18 +24,6 @@ def test_expected_squares_are_those_of_the_dense_transform(n):
     for row in covariances(np.arange(n), 1, 0.1, [0.7]):
         dense = np.einsum("ki,ij,kj->k", cosine, toeplitz(row), cosine)
         assert expected_squares(row) == pytest.approx(dense, rel=1e-9, abs=1e-9 * abs(row).max())
-
-
-def test_covariance_of_means_is_that_of_samples_averaged():
-    """All processes exactly; contrasts, since flicker and walk have no level."""
-    starts, m, dt = np.array([0, 5, 10, 40]), 5, 0.2
-    place, contrast = np.arange(45), np.eye(4) - 0.25
-    # takes samples to means of blocks
-    average = ((place >= starts[:, None]) & (place < starts[:, None] + m)) / m
-    samples = covariances(np.arange(45), 1, dt, [1.3])
-    for row, means in zip(samples, covariances(distances(starts), m, dt, [1.3]), strict=True):
-        dense = contrast @ average @ toeplitz(row) @ average.T @ contrast
-        assert contrast @ means @ contrast == pytest.approx(dense, rel=1e-9, abs=1e-9)
 
 
 def test_mean_squares_of_a_broken_record_are_as_expected():

@@ -44,12 +44,6 @@ def test_sessions_pool_into_one_fit():
     assert width[0] == pytest.approx(width[1] * np.sqrt(4 / 13), rel=0.25)
 
 
-def test_white_density_of_each_axis():
-    result = estimate_noise("imu", [session(length=20_000)], SETTINGS)
-    for axis, density in DENSITY.items():
-        assert result.model.axes[axis].N.value == pytest.approx(density, rel=0.05)
-
-
 def hours(seed):
     """Return 2,000 s at 50 Hz of white noise and walk, and 10 Hz in gx as high as its noise."""
     n = 100_000

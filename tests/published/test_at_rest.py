@@ -1,6 +1,5 @@
 """Recordings at rest of one wheel: a tag, 74.5 h, whose bias moves with temperature; a phone."""
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -40,19 +39,6 @@ def minutes(measured_results):
 
 def heldout(found, sensor, session, axis):
     return found[sensor]["residuals"]["bias"]["sessions"][session][axis]
-
-
-def test_error_without_effects_is_that_of_a_constant_bias(tag_records, minutes):
-    # second method: each of eight blocks of time predicted by the mean of the other seven
-    for session, mean in minutes.items():
-        blocks = np.arange(len(mean)) * 8 // len(mean)
-        for sensor, axis in ((s, axis) for s, axes in SENSORS.items() for axis in axes):
-            value = mean[axis].to_numpy()
-            error = [value[blocks == k] - value[blocks != k].mean() for k in range(8)]
-            rms = np.sqrt(np.mean(np.concatenate(error) ** 2))
-            assert heldout(tag_records, sensor, session, axis)["before"] == pytest.approx(
-                rms, rel=0.05
-            )
 
 
 def test_heldout_error_falls(tag_records, minutes):

@@ -72,17 +72,6 @@ def test_accelerometer_is_late_and_off_the_marker(device):
     assert block["residuals"]["reference_force"]["after"] <= 0.03
 
 
-def test_windows_are_those_of_the_diagnosis(device):
-    table = pd.read_parquet(device.file("reference.parquet"))
-    for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
-        residual = find_effects(device, sensor)[0]["residuals"][kind]
-        own = table[table["residual"] == kind]
-        assert len(own) == residual["n"]
-        for when in ("before", "after"):
-            size = np.sqrt((own[f"{kind}_{when}"] ** 2).mean())
-            assert size == pytest.approx(residual[when], rel=1e-9)
-
-
 def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordings, tmp_path):
     """Protects trials that the fit never saw: K 2 % off and a gyroscope turned by 1 % were written.
 

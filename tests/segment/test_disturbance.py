@@ -17,11 +17,6 @@ SETTINGS = SegmentSettings()
 N = 720_000
 
 
-def segment_static(samples):
-    segments, _ = segment_session(samples, "static", SETTINGS)
-    return segments[segments["kind"] == "disturbed"], segments[segments["kind"] == "static"]
-
-
 def is_cut(samples, settings=SETTINGS):
     samples = samples.assign(t=np.arange(len(samples)) / 100)
     return len(segment_session(samples, "static", settings)[0]) > 1
@@ -58,49 +53,51 @@ def test_false_alarms_are_as_many_as_asked(seeds):
     assert 1 <= alarms <= 0.48 * seeds
 
 
-def test_the_small_lasting_move_of_the_tablet_is_found():
-    """0.012 m/s² on x near sample 470,000 of 720,000, nothing in the gyroscope: the excess of the
-    published standard deviation on x over its white noise, sqrt(0.009364² - 0.0074578²), as a
-    single step."""
-    samples = static_log(0, N)
+def tablet(samples, rng):
+    """A move that lasts, of the excess of the published deviation, sqrt(0.009364² - 0.0074578²)."""
     samples.loc[470_000:, "ax"] += 0.0119
-    disturbed, static = segment_static(samples)
-    assert len(disturbed) == 1
-    assert disturbed["start_s"].item() < 4700 < disturbed["end_s"].item()
-    assert np.diff(disturbed[["start_s", "end_s"]]).item() < 30
-    assert np.diff(static["ax_mean"]).item() == pytest.approx(0.0119, abs=1e-4)
 
 
-def test_a_disturbance_in_the_last_ten_seconds_is_cut_with_its_time():
-    """The phone's: shaken by 0.05 m/s² until the end."""
-    samples = static_log(1, 72_000)
-    samples.loc[71_000:, "ax"] += 0.05 * np.random.default_rng(2).normal(size=1000)
-    disturbed, static = segment_static(samples)
-    assert disturbed["start_s"].iloc[0] == pytest.approx(710, abs=2.5)
-    assert disturbed["end_s"].iloc[-1] == pytest.approx(720)
-    assert static["end_s"].max() < 710.1
+def phone(samples, rng):
+    """The last ten seconds in a hand."""
+    samples.loc[71_000:, "ax"] += 0.05 * rng.normal(size=1000)
 
 
-@pytest.mark.parametrize("channel", ["ax", "gz"])
-def test_a_knock_is_cut_tightly_whichever_sensor_feels_it(channel):
-    samples = static_log(3, 100_000)
+def knock(samples, rng, channel):
     since = np.maximum(samples["t"].to_numpy() - 500, 0)
     ring = np.exp(-since / 0.1) * np.cos(80 * since) * (samples["t"] >= 500)
     samples[channel] += 20 * samples[channel].std() * ring
-    disturbed, static = segment_static(samples)
-    assert len(disturbed) == 1 and len(static) == 2
-    assert 498 < disturbed["start_s"].item() < 500
-    assert 500.2 < disturbed["end_s"].item() < 503
 
 
-def test_a_tilt_beside_a_knock_and_handling_for_a_tenth_are_both_found():
-    samples = static_log(4, 200_000)
-    rng = np.random.default_rng(5)
-    samples.loc[:20_000, CHANNELS] += rng.normal(size=(20_001, 6)) * [0.5] * 3 + [0] * 6
+def three(samples, rng):
+    """Handling for a tenth of the session, a knock, and a tilt half a minute after it."""
+    samples.loc[:20_000, CHANNELS] += rng.normal(size=(20_001, 6)) * ([0.5] * 3 + [0] * 3)
     samples.loc[120_000:120_020, "az"] += 0.3
     samples.loc[123_000:, "ay"] += 0.01
-    disturbed, _ = segment_static(samples)
-    for start, end in ((0, 200), (1200, 1200.2), (1230, 1230.01)):
-        covered = (disturbed["start_s"] <= start + 0.02) & (disturbed["end_s"] >= end)
-        assert covered.sum() == 1, (start, disturbed[["start_s", "end_s"]])
-    assert np.sum(disturbed["end_s"] - disturbed["start_s"]) < 280
+
+
+# length of a session, what happens in it, start and end of each disturbance, s, and the seconds
+# that are cut in all
+CASES = {
+    "tablet": (N, tablet, [(4700, 4700)], 30),
+    "phone": (72_000, phone, [(710, 720)], 12.5),
+    "knock, felt by ax": (100_000, partial(knock, channel="ax"), [(500, 500.2)], 5),
+    "knock, felt by gz": (100_000, partial(knock, channel="gz"), [(500, 500.2)], 5),
+    "three": (200_000, three, [(0, 200), (1200, 1200.2), (1230, 1230.01)], 280),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_disturbance_is_cut_tightly(case):
+    n, happen, spans, most = CASES[case]
+    samples = static_log(n % 7, n)
+    happen(samples, np.random.default_rng(5))
+    segments, _ = segment_session(samples, "static", SETTINGS)
+    cut = segments[segments["kind"] == "disturbed"]
+    for start, end in spans:
+        covered = (cut["start_s"] <= start + 0.02) & (cut["end_s"] >= end)
+        assert covered.sum() == 1, (start, cut[["start_s", "end_s"]])
+    assert len(cut) == len(spans) and np.sum(cut["end_s"] - cut["start_s"]) < most
+    if case == "tablet":
+        levels = segments.loc[segments["kind"] == "static", "ax_mean"]
+        assert np.diff(levels).item() == pytest.approx(0.0119, abs=1e-4)

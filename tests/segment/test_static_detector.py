@@ -128,13 +128,6 @@ def test_a_log_too_short_to_judge_is_still_covered(kind, n):
     assert segments["n"].sum() == n
 
 
-def test_a_log_without_rest_has_no_pose():
-    t = np.arange(3000) / 100
-    turning = np.column_stack([5 * np.sin(7 * t), 3 * np.cos(3 * t), 4 * np.sin(5 * t)])
-    rests, metadata = segment_samples(frame(t, turning, turning))
-    assert metadata["poses"] == len(rests) == 0
-
-
 LOG, _ = pose_log(random_turns(6, 8), [12.0] + [3.0] * 6)
 LOG = pd.concat([LOG[:2000], LOG[2100:]], ignore_index=True)
 

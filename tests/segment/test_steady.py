@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, sosfilt
+from scipy.signal import butter, sosfilt
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.steady import unsteady_samples
-from seeds import seeds
 from segment.logs import G, pose_log, random_turns, rests_of
 
 SETTINGS = SegmentSettings()
@@ -92,31 +90,6 @@ def test_a_slow_turn_at_the_end_of_a_rest_is_cut_and_the_rest_stays():
     assert metadata["poses"] == 21
     assert 2.0 < rest_seconds(segments, truth)[5] < 3.2
     assert segments[segments["pose"] == 5]["end_s"].item() < truth[5, 1] - 0.9
-
-
-@seeds(15, 40)
-@pytest.mark.parametrize("colour", [0.0, 0.1])
-def test_false_alarms_are_no_more_than_asked(colour, seeds):
-    """Rests of 3 to 6 s, white noise, and with flicker of a tenth: five Gauss-Markov processes."""
-    asked, trials, alarms, lost = 0.2, seeds, 0, 0.0
-    settings = SegmentSettings(false_alarm=asked)
-    for seed in range(trials):
-        rng = np.random.default_rng(seed)
-        length = rng.integers(300, 600, 20)
-        end = np.cumsum(length)
-        w = rng.normal(size=(end[-1], 3))
-        for time_constant in (0.3, 1, 3, 10, 30):
-            a = np.exp(-0.01 / time_constant)
-            drive = rng.normal(size=w.shape) * np.sqrt(1 - a * a)
-            w += colour * lfilter([1], [1, -a], drive, axis=0)
-        # bias of each attitude
-        w += np.repeat(10 * rng.normal(size=(20, 3)), length, axis=0)
-        found = unsteady_samples(w.T, np.column_stack([end - length, end]), 0.01, settings)
-        alarms += found.any()
-        lost += found.mean() / trials
-    # three standard deviations of the trials
-    assert alarms <= trials * asked + 3 * np.sqrt(trials * asked * (1 - asked))
-    assert lost < 1e-3 * np.sqrt(40 / trials)
 
 
 def test_a_session_that_needs_its_unsteady_rests_keeps_them():

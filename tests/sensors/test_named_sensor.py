@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 
@@ -23,7 +22,6 @@ COUNTS = {"acceleration": "count", "angular_rate": "count"}
 RANGES = {"acceleration": "16 g", "angular_rate": "2000 deg/s"}
 NAMED = {"sensor": "icm42688p", "range": RANGES}
 SCALES = {"acceleration": STANDARD_GRAVITY / 2048, "angular_rate": DEGREE / 16.384}
-NOMINAL = {quantity: {"scale": scale} for quantity, scale in SCALES.items()}
 OPTIONS = [f"--units.{quantity}=count" for quantity in COUNTS]
 CHOSEN = [f"--range.{quantity}={name}" for quantity, name in RANGES.items()]
 QUICK = {"diagnose": {"folds": 3}}
@@ -91,11 +89,6 @@ def test_what_no_data_sheet_gives_is_that_of_a_mems_sensor():
     assert {*resolve_device("sensor: fxos8700")["tolerances"]} == {"accelerometer"}
 
 
-def test_counts_by_a_name_are_those_by_their_scale(counts):
-    named = imuloop.read(counts, units=COUNTS, **NAMED)
-    pd.testing.assert_frame_equal(named, imuloop.read(counts, units=COUNTS, nominal=NOMINAL))
-
-
 @pytest.mark.parametrize(
     ("options", "line"),
     [
@@ -108,7 +101,7 @@ def test_counts_by_a_name_are_those_by_their_scale(counts):
             ["--sensor=icm42688p", "--range.acceleration=3 g"],
             "'3 g' is not a range; use one of 2 g, 4 g, 8 g",
         ),
-        (["--range.acceleration=16 g"], "range: needs the device's sensor"),
+        (["--range.acceleration=16 g"], "--range.acceleration: needs the device's sensor"),
     ],
     ids=str,
 )
@@ -138,18 +131,6 @@ def test_counts_that_are_not_declared_are_asked_for(counts, options, remedy, cap
     assert main(["info", str(counts), *options]) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert f"whole numbers that look like counts; declare {remedy}" in said
-
-
-def test_a_log_far_from_its_data_sheet_says_so_where_it_is_printed(log, tmp_path):
-    moved = log[[*ACCELERATION]] + [6.0, 0.0, 0.0]
-    with hurry("device"):
-        result = imuloop.calibrate(
-            *(log["t"], moved, log[[*ANGULAR_RATE]]),
-            **{"sensor": "icm42688p", "settings": QUICK, "progress": False},
-        )
-    printed = " ".join(str(result).split())
-    assert "accelerometer: Far from the data sheet: bias x" in printed
-    assert "is the offset of its raw unit as declared?" in printed
 
 
 def test_an_earlier_calibration_is_kept_where_the_log_shows_no_more(log, tmp_path):
@@ -208,9 +189,6 @@ def test_the_table_is_printed_and_a_sensor_of_it(capsys):
     assert main(["sensors"]) == 0
     assert "icm42688p   TDK InvenSense      data sheet  2/4/8/16 g, " in capsys.readouterr().out
     assert main(["sensors", "ICM-42688-P"]) == 0
-    printed = capsys.readouterr().out
-    assert "ICM-42688-P, TDK InvenSense\naccelerometer: data sheet, DS-000347" in printed
-    assert "  16 g   0.0047884        65.0\n" in printed
-    assert "scale factor 1.00 %, misalignment 20.0 mrad, bias 11.5 °/s\n" in printed
+    assert "  16 g   0.0047884        65.0\n" in capsys.readouterr().out
     assert main(["sensors", "gyrometer"]) == 1
     assert "'gyrometer' is not a sensor of the table" in capsys.readouterr().err

@@ -53,16 +53,6 @@ def test_flicker_does_not_close_on_itself():
     assert np.std(end - start) > 1.5 * np.std(np.diff(neighbours))
 
 
-def test_ramp_rises_by_its_slope():
-    assert noise.ramp(1001, DT, 2e-3)[-1] == pytest.approx(2e-2)
-
-
-def test_steps_go_there_and_back_at_their_times():
-    x = noise.steps(1000, DT, 3.0, (2.0, 5.0, 9.0))
-    assert set(x) == {0.0, 3.0}
-    np.testing.assert_allclose((np.flatnonzero(np.diff(x)) + 1) * DT, [2.0, 5.0, 9.0])
-
-
 def axis(coefficients, number=0, seed=5):
     return noise.axis_noise(2000, DT, coefficients, number, np.random.SeedSequence(seed))
 

@@ -9,13 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop.model.effect import FittedEffect, find_effect
-from imuloop.simulate.sensor import lagged
 from imuloop.simulate.simulate import log_metadata, simulate_session, true_motion, write_log
 from imuloop.simulate.truth import Noise, SessionTruth, Thermometer, example_truth
 
 SHORT = SessionTruth("multi_position", poses=4, initial_rest_s=5.0)
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
-G = np.array([[1.0, -2, 3], [0.5, 1, -1], [2, 0, 1]]) * 1e-4
 
 
 def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
@@ -42,20 +40,6 @@ def test_model_without_effects_gives_back_the_truth():
     np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
 
 
-def test_effects_are_functions_of_the_output_and_the_other_sensor():
-    values = {f"G{i}{j}": G[i, j] for i in range(3) for j in range(3)}
-    truth = device(
-        accelerometer={"extra": lambda channels: 1e-4 * channels.output**2},
-        gyroscope={"effects": (FittedEffect(find_effect("g_sensitivity")(), values, {}),)},
-    )
-    log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
-    output = (log[F].to_numpy() - truth.accelerometer.b) * truth.accelerometer.K
-    f = calibrate_output(truth.accelerometer, log[F].to_numpy(), 1e-4 * output**2)
-    np.testing.assert_allclose(f, motion.specific_force, atol=1e-9)
-    w = calibrate_output(truth.gyroscope, log[W].to_numpy(), motion.specific_force @ G.T)
-    np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
-
-
 def test_same_seed_same_log_and_other_seed_another():
     truth = example_truth(sessions={"one": SHORT, "two": SHORT})
     first = simulate_session(truth, "one", 7)
@@ -77,19 +61,6 @@ def test_axes_sessions_and_devices_are_independent():
     correlation = np.corrcoef(np.diff(noise, axis=0).T)
     # 24 series of 30,000: the largest of 276 pairs stays below some 4 standard errors
     assert np.max(np.abs(correlation - np.eye(24))) < 4.5 * np.sqrt(1.5 / 30_000)
-
-
-@pytest.mark.parametrize("dt", [0.01, 0.5])
-def test_a_lag_answers_a_step_and_a_ramp_by_its_closed_form(dt):
-    tc, t = 3.0, np.arange(0, 20, dt)
-    # from a jump between the first two samples on, and behind a ramp by tc times its slope
-    x = np.where(t > 0, 5.0, 0.0)
-    rise = tc * (1 - np.exp(-dt / tc)) / dt
-    np.testing.assert_allclose(
-        lagged(x, dt, tc)[1:], 5 * (1 - rise * np.exp(-(t[1:] - dt) / tc)), atol=1e-12
-    )
-    behind = 2 * t - lagged(7 + 2 * t, dt, tc) + 7
-    np.testing.assert_allclose(behind, 2 * tc * (1 - np.exp(-t / tc)), atol=1e-12)
 
 
 def test_the_device_lags_its_surroundings_and_the_thermometer_the_device():
