@@ -228,6 +228,11 @@ def _means(x, ends):
     return (sums_over(x, ends).T / (ends[:, 1] - ends[:, 0])).T
 
 
+def _evaluate(channels, function, *constants):
+    """Return the values of a function of the LoggedChannels of a log and its constants, (N, …)."""
+    return function(channels, *constants)
+
+
 def correct_samples(session, samples, log, calibration, effects):
     """Return the samples of a session, by column, with the output of some effects subtracted.
 
@@ -250,8 +255,8 @@ def correct_samples(session, samples, log, calibration, effects):
             output=levels[sensor],
             other=levels[other_sensor(sensor)],
             temperature=log.temperature,
-            # evaluates the functions of effects with a memory once, on the whole log
-            history=cache(partial(log.evaluate, sensor)),
+            # functions of effects with a memory are evaluated once, on the whole log
+            history=cache(partial(_evaluate, log.channels(sensor))),
         )
         for first in range(0, len(t), ROWS):
             rows = slice(first, first + ROWS)
