@@ -213,8 +213,9 @@ class AxisTest:
     def lowers_error(self, problem, sizes):
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
-        A size counts if the 95 % interval of the ratio of held-out errors, with the effect in the
-        model to without, would lie below one. The data have z times the column x, the derivative of
+        A size counts if the effect, added to the model, is expected to lower the held-out error:
+        the 95 % interval of the ratio, error with the effect over error without it, then lies below
+        one. The data have z times the column x, the derivative of
         all rows (scalar residuals) with respect to one parameter of the effect; z is the size. A
         row is predicted by a fit to the rows of other folds; its held-out error is
 

@@ -143,10 +143,11 @@ def noise_values(sensor, noise):
 
 
 def left_out(sensor, name):
-    """Return the parts of a SensorCalibration that a format may not carry.
+    """Return the parts of a SensorCalibration that some formats cannot hold, a list.
 
     Each is a dict with a ``name``. Misalignment comes first, unless T is the identity; its
-    ``angle`` is the largest element of T, deg. An effect has its ``equation``, its ``constants``
+    ``angle`` is the largest element of T off the diagonal by size, deg. `name` is the name of the
+    sensor. An effect has its ``equation``, its ``constants``
     and, by unit, the size of its ``largest`` parameter.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE

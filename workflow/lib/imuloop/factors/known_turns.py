@@ -64,11 +64,14 @@ class KnownTurns:
         residuals are linearised about the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
-        x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
-        weights = self.seconds[:, None, None, None] * np.eye(3)
-        J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
-        # at the parameters x' of a gyroscope, the residuals are J (x' - x) plus the residuals at x
-        z = J @ x - self.errors(sensor).ravel()
+        best = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
+        # T K (a - b L) is L times T K (a/L - b), the calibrated mean rate, one value per turn; the
+        # derivative of effects is empty
+        weights, no_effects = self.seconds[:, None, None, None] * np.eye(3), np.zeros((m, 1, 3, 0))
+        J = sensor.jacobian(weights, self.rate[:, None], no_effects).reshape(-1, 12)
+        # at parameters x the residuals are those at `best` plus J (x - best), which is J x - z
+        z = J @ best - self.errors(sensor).ravel()
+        # the accelerometer's parameters come first in the state: their columns are zero
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):

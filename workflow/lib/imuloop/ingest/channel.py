@@ -101,11 +101,12 @@ class Channel:
         self.jumps, self.wraps = count_jumps(self.x, self.step, size), self._wraps(size)
 
     def _wraps(self, size):
-        """Return the rows before jumps from one end of the range to the other, (k,) of int.
+        """Return the rows after which an integer wraps around, (k,) of int.
 
-        `size` are the sizes of the jumps from row to row, (n - 1,). The range of an integer that
-        wraps around has equal ends. A value that swings from end to end changes more before or
-        after the jump, and a value that saturates is held at an end.
+        It then jumps from one end of its range to the other. `size`, (n - 1,), are the sizes of the
+        jumps from row to row. Three other causes are excluded: a range whose ends are not of
+        opposite sign and about equal size; a value that swings from end to end, which also makes
+        large steps just before or after; and a value that saturates, which stays at an end.
         """
         span, most = self.high - self.low, (1 - MOST) * (self.high - self.low)
         if not abs(self.low + self.high) <= 2 * most:

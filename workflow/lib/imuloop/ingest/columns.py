@@ -218,7 +218,11 @@ def without_sign(column, names=()):
 
 
 def position(quantity, value, names, headed):
-    """Return the position of a declared column, a name or a number from 0."""
+    """Return the position, from 0, of the column that is declared for a quantity.
+
+    `value` is the name of the column or its position. Only a log that is `headed`, which has a
+    header, has names. Raises an ImuloopError, which names the key, if there is no such column.
+    """
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
     value = without_sign(value, names) if quantity in SENSORS else value
     number, count = isinstance(value, int) and not isinstance(value, bool), names.count(str(value))

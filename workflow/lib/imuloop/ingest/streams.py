@@ -1,4 +1,4 @@
-"""Logs of several tables or streams: which hold the sensors, each on its own clock."""
+"""Logs of several tables or streams: find those that hold the sensors, each on its own clock."""
 
 import re
 from dataclasses import dataclass, field

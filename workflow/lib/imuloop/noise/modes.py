@@ -75,7 +75,10 @@ def _squares(distance, contrasts, processes):
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks of one power cycle that share a slope, about `BLOCKS` at most."""
+    """Blocks of one power cycle that share a slope, about `BLOCKS` at most.
+
+    A level is a stretch between two disturbances; it has a mean of its own.
+    """
 
     cycle: int
     place: np.ndarray  # index of the first value of each block in its Signal, (k,)
@@ -84,7 +87,7 @@ class _Piece:
 
     @cached_property
     def basis(self):
-        """Contrasts of all levels, (k, s)."""
+        """Contrasts of the means of all k blocks, (k, s), as columns: zero outside their level."""
         return block_diag(*(contrasts for _, contrasts in self.levels))
 
 

@@ -192,8 +192,8 @@ def filter_cells(summary):
             row.append(Cell(NO_NUMBER))
             continue
         axis, raised = density["axis"], density["raised_from"]
-        words = f"{axis}, not seen: 95 % limit" if density["limit"] else f"axis {axis}"
-        words += "" if raised is None else f", raised from {raised:.2e}"
+        words = f"axis {axis}: none seen, so its 95 % limit" if density["limit"] else f"axis {axis}"
+        words += "" if raised is None else f", raised from {raised:.2e} to bound the Allan curve"
         row.append(Cell(f"{density['value']:.2e}", words, value=density["value"]))
     return row
 

@@ -110,8 +110,9 @@ def parameter_table(device, sensor):
         ("Parameter", "Unit", *(WORDS["stages"][m] for m in methods), "Before"),
         rows,
         f"A bias is the mean level over the rests of this record{_after_an_hour(device, sensor)}. "
-        "Before: 1 σ about the nominal value, by the data sheet or of typical MEMS. A value marked "
-        "“data sheet” was hardly improved by these data. "
+        "Column “Before”: the tolerance (1 σ) before any measurement, from the data sheet or, "
+        "without one, of typical MEMS. A value marked “data sheet” was hardly improved by these "
+        "data. "
         "Reduced χ² near 1: the fit is as good as the noise allows.",
         sortable=True,
     )
@@ -128,7 +129,7 @@ def misalignment_table(device, sensor):
     )
     for v in values:
         rows[v.axis[0]][v.axis[1]] = shade(v.value, v.std, largest, display)
-    note = "A column's axis shows on the row's. The colour shows the sign of a value above 2 σ."
+    note = "A value says how much of the column's axis appears on the row's. Values above 2 σ are coloured by sign."
     title = f"{sensor.capitalize()}: misalignment ± 1 σ"
     rows = [(f"on {axis}", *cells.values(), display.unit) for axis, cells in rows.items()]
     return Table(title, ("Axis", *XYZ, "Unit"), rows, note) if values else None

@@ -253,16 +253,20 @@ def _choose_rests(log, settings):
 
 
 def _detect(log, settings):
-    """Return all rests of a session, their steady parts, the bias, and the number of short ones.
+    """Return the rests of a session, their steady parts, the bias, and the number of short ones.
 
-    Rests and steady parts, in which the device neither turns slowly nor trembles, are ranges of
-    samples, (m, 2) and (l, 2). The bias is the gyroscope's, rad/s, (3,). The last result is the
-    number of still stretches that are too short to be rests. `log` holds specific force, m/s², and
-    angular rate, rad/s, (3, n), the ranges between long gaps, (k, 2), and the time step, s.
+    A rest is a range of samples, (m, 2), in which the variances of both sensors are near their
+    levels at rest and the angular rate is near a bias. Its steady parts, (l, 2), are those in which
+    the device, besides, neither turns slowly nor trembles. The bias of the gyroscope, rad/s, (3,),
+    is its median rate at rest. The last result is the number of still stretches that are too short
+    to be rests. `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges
+    between long gaps, (k, 2), and the time step, s.
     """
     f, w, stretches, step = log
     windows = activity(f, w, stretches, max(2, round(settings.window_s / step)))
+    # one bias, or two if it jumps during the session; the first is the median of all quiet windows
     biases = rates_at_rest(windows, settings)
+    # variances within multiples of the levels at rest, and mean rate near the nearest bias
     still = windows.within(MULTIPLES) & (windows.away(biases) <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
