@@ -44,18 +44,6 @@ def test_dates_and_times_of_the_day_are_stamps(log, run, form, start):
         assert len(run(log, time_range=[start[:17] + "59", None]).samples) == 300
 
 
-@pytest.mark.parametrize(
-    ("stamps", "given", "line"),
-    [(None, {"rate": 100, "time_range": ["2024-01-01", None]}, "is a date, but the log's"),
-     (brief().t, {"time_range": ["2024-01-01", "2024-01-02"]}, "is a date, but the log's"),
-     (brief().t, {"time_range": [4, 4]}, "is not before the end"),
-     *((MOMENTS, {"time_range": [text, None]}, f"'{text}' is no ISO 8601 stamp")
-       for text in ("yesterday", "now", "10:00", "NaT", ""))],
-)  # fmt: skip
-def test_a_clock_that_is_declared_wrongly_is_one_line(log, refused, stamps, given, line):
-    refused(line, log.drop(columns="t") if stamps is None else log.assign(t=stamps), **given)
-
-
 def test_a_crop_in_seconds_is_half_open_and_starts_at_zero(log, run):
     log["t"] += 1000
     done = run(log, time_range=[1, 4])

@@ -76,6 +76,13 @@ def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch, change):
     assert run(path).quality["reasons"] == ["the file changed while it was read"]
 
 
+def test_the_extra_is_named_where_its_library_is_missing(run, tmp_path, monkeypatch):
+    (tmp_path / "log.bag").write_bytes(b"#ROSBAG V2.0\n")
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(ImuloopError, match=r"needs the package rosbags, .*pip install '\.\[ros\]'"):
+        run(tmp_path / "log.bag")
+
+
 def test_a_full_disk_leaves_the_old_results_and_one_line(path, tmp_path):
     noise = np.random.default_rng(0).normal(size=(20_000, 7))
     (brief(20_000) + noise * [0, *[1] * 6]).to_csv(tmp_path / "big.csv", index=False)
