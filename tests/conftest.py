@@ -85,7 +85,14 @@ def faults(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     log = "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
     (tmp_path / "imu0").mkdir()
-    for name in ("poses.csv", "counts.csv", "imu0/data.csv", "log_{x}.csv", " log.csv", "log.csv\n"):
+    for name in (
+        "poses.csv",
+        "counts.csv",
+        "imu0/data.csv",
+        "log_{x}.csv",
+        " log.csv",
+        "log.csv\n",
+    ):
         (tmp_path / name).write_text(log)
     (tmp_path / "marks.csv").write_text("c,gnss\n1000000,5\n2000000,6\n")
     (tmp_path / "log.bag").write_text("damaged")

@@ -6,38 +6,17 @@ import re
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 from scipy.io import savemat
 
 from calibrated import calibrated_device
 
-# the fit of a device, below all that calibrate
-FIT = {"sensors", "model", "factors", "estimate"}
-# packages that a stage may import from, itself and core left out
-ARROWS = {
-    "core": set(),
-    "sensors": set(),
-    "model": {"sensors"},
-    "effects": {"model"},
-    "ingest": set(),
-    "segment": {"ingest"},
-    "noise": {"ingest", "segment"},
-    "factors": {"model"},
-    "estimate": {"model", "factors"},
-    "calibrate": {"ingest", "segment", *FIT},
-    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate", *FIT},
-    "family": {"effects", "calibrate", *FIT},
-    "validate": {"effects", "calibrate", "diagnose", *FIT},
-    "plan": {"segment", "noise", "calibrate", "diagnose", *FIT},
-    "simulate": {"effects", "model"},
-    "export": {"effects", "model", "noise", "diagnose"},
-    "report": {
-        *("effects", "model", "ingest", "segment", "noise", "calibrate", "estimate", "diagnose"),
-        *("plan", "export"),
-    },
-}
+# packages that a stage may import from
+ARROWS = yaml.safe_load(Path(__file__).with_name("imports.yaml").read_text("utf-8"))
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"yaml": "pyyaml"}
 # packages that a light installation lacks
@@ -62,7 +41,7 @@ def test_arrows_go_one_way(repository, of):
     files = [
         p for p in library.rglob("*.py") if p.relative_to(library).parts[0] in (of, f"{of}.py")
     ]
-    allowed = ARROWS[of] | {of, "core"}
+    allowed = {*ARROWS[of], of, "core"}
     names = {(p.name, name) for p in files for name in imports_of(p) if name.startswith("imuloop")}
     assert files and not {each for each in names if stage(each[1]) not in allowed}
 

@@ -21,19 +21,6 @@ def summaries(results):
     }
 
 
-def test_a_device_is_answered_in_a_line(summaries):
-    said = {place: (verdict, words) for place, verdict, words in summaries["board"]["answers"]}
-    assert said["accelerometer"] == ("consistent", "as good as its noise allows")
-    words = "as good as its noise allows with g-sensitivity and bias drift corrected"
-    assert said["gyroscope"] == ("explained", words)
-    words = "something is missing that no known effect explains"
-    assert said["gyroscope at rest"] == ("unexplained", words)
-    said = {place: (verdict, words) for place, verdict, words in summaries["still"]["answers"]}
-    verdict, words = said["gyroscope at rest"]
-    assert verdict == "partly_explained" and words.endswith("not tested at poses")
-    assert [verdict for _, verdict, _ in summaries["nothing"]["answers"]] == ["not_testable"] * 2
-
-
 def test_a_filter_gets_the_worst_axis_or_its_limit_raised_for_the_flicker(summaries, results):
     calibration = Calibration.from_json(results / "still" / "calibration.json")
     noise = NoiseModel.from_json(results / "still" / "noise.json")

@@ -18,15 +18,6 @@ def one(name="a.x", label="b", caption="c", **numbers):
     return Picture(name, "Line", caption, plot, numbers)
 
 
-def test_a_picture_is_the_same_each_time_and_its_ids_are_its_own():
-    first, again, other = one("a.x"), one("a.x"), one("b.x")
-    assert first.inline == again.inline
-    ids = [set(re.findall(r' id="([^"]+)"', p.inline)) for p in (first, other)]
-    assert ids[0] and not ids[0] & ids[1]
-    for p, known in zip((first, other), ids, strict=True):
-        assert set(re.findall(r'(?:href="|url\()#([^")]+)', p.inline)) == known
-
-
 def test_other_peoples_text_stays_text_and_colours_are_of_the_page():
     label = "<script>$x_2$ & b</script>"
     svg = one(label=label, caption='"><script>').inline

@@ -4,12 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from imuloop import chain
 from imuloop.core.samples import ACCELERATION, CHANNELS
+from imuloop.report.report import write_report
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from quick import hurry
-from soundness import judge
-from workflow.conftest import QUICK
+from report.build import PROVENANCE
+from soundness import faults_of
 
 
 @pytest.fixture
@@ -17,13 +19,18 @@ def faults(tmp_path):
     """Return a function: the faults of the results of logs by name, of kinds by name."""
 
     def of(**logs):
-        sessions = {}
-        for name, (kind, table) in logs.items():
-            path = tmp_path / f"{name}.parquet"
-            table.to_parquet(path)
-            sessions[name] = {"kind": kind, "file": str(path)}
+        results = tmp_path / "results"
+        kinds = {name: kind for name, (kind, _) in logs.items()}
+        device = chain.Device("imu", results / "imu", kinds)
+        for name, (_, table) in logs.items():
+            table.to_parquet(tmp_path / f"{name}.parquet")
+            chain.ingest(device, name, {}, [tmp_path / f"{name}.parquet"], reject=True)
         with hurry("imu"):
-            return judge({"sessions": sessions, **QUICK}, tmp_path / "results")
+            chain.run(device)
+        paths = results / "report.html", results / "comparison.csv"
+        write_report([results / "imu"], PROVENANCE, *paths)
+        assert len([*results.rglob("*.json")]) > 8
+        return [*faults_of(results)]
 
     return of
 
