@@ -144,7 +144,7 @@ def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated
     Protects the mark in the written log and each reader's look at it: without them a second run
     corrects the bias again, with exit status 0.
     """
-    noisy_log(33000.0).to_csv(tmp_path / "log.csv", index=False)
+    noisy_log(35125.0).to_csv(tmp_path / "log.csv", index=False)
     once, twice = tmp_path / f"once{ending}", tmp_path / "twice.csv"
     assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(once)]) == 0
     # other tools have the columns of the docs, and numbers alone
