@@ -7,18 +7,14 @@ import ast
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import imuloop
 from bench.realistic.device import (
     CHANNELS,
-    GRAVITY,
-    at_rest,
-    move,
     record,
 )
 from bench.realistic.judge import errors, outcome
-from bench.realistic.plain import fit, rotation
+from bench.realistic.plain import fit
 from quick import hurry
 
 # a short log of few samples
@@ -40,24 +36,6 @@ def test_generator_and_plain_fit_share_no_code_with_imuloop(repository, name):
     names = [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
     allowed = ("numpy", "scipy", "bench.realistic.device", *"json dataclasses functools".split())
     assert froms and all(n.startswith(allowed) for n in froms + names)
-
-
-@pytest.mark.parametrize("parts", [(), ("settle", "tremor"), ("fast_turns",)])
-def test_rates_integrate_to_the_attitude_and_force_to_the_velocity(parts):
-    motion = move(3, (*parts, "twelve_poses"), 1600.0)
-    rates = np.zeros((2, 1, 1 << len(motion.t).bit_length(), 3))
-    rates[0, 0, : len(motion.t) - 1] = motion.angular_rate[:-1]
-    rates[1, 0, : len(motion.t) - 1] = motion.angular_rate[1:]
-    q = rotation(np.full((1, 1, 1), 1 / 1600), *rates)[0]
-    turned = motion.attitude[0] * Rotation.from_quat(np.roll(q, -1))
-    assert (turned.inv() * motion.attitude[-1]).magnitude() < 1e-4
-    velocity = np.cumsum(motion.attitude.apply(motion.force) - [0, 0, GRAVITY], axis=0) / 1600
-    still = at_rest(motion.t, motion.rests)
-    assert np.abs(velocity).max() > 0.1
-    # put down on a table, without a hand
-    if "tremor" not in parts:
-        assert np.abs(velocity[still]).max() < 1e-4
-        assert np.abs(motion.angular_rate[still]).max() < 1e-3
 
 
 # the truth must not come from the plain fit

@@ -58,15 +58,6 @@ def test_misalignments_are_those_that_were_estimated(summaries, results):
     assert "gyroscope_K_upper95 [rad/s^2/sqrt(Hz)]" in row
 
 
-def test_a_limit_above_every_value_is_the_worst():
-    def row(axis, value, upper95=None):
-        return Value("gyroscope", "logged", "K", axis, value, None, "1", upper95)
-
-    rows = [row("x", 1.0), row("y", None, 0.5), row("z", None, 2.0)]
-    assert worst(rows) == (rows[0], rows[2])
-    assert worst(rows[:2]) == (rows[0], None) and worst([]) == (None, None)
-
-
 def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):
     hostile = [{**each, "label": '=HYPERLINK("a";1)'} for each in summaries.values()]
     write_comparison(tmp_path / "comparison.csv", hostile)
