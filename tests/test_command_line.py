@@ -39,7 +39,7 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     calibration = r"^calibration of d, gravity 9.80665 m/s²[^~]*Bias x +mg +12\.\d+ ± 0\.\d+"
     for path, pattern in (
         (device / "calibration.json", calibration),
-        (device / "calibration.json", r"Misalignment xy +mrad +-[34]\.\d+ ± "),
+        (device / "calibration.json", r"misalignment ± 1 σ\n +Axis .*\n +on x +\S+ +-[34]\.\d+ ± "),
         (device / "noise.json", r"N, white noise .* +µg/√Hz +153 +143 +194"),
         (device / "1.csv", r"1.csv: log, format csv[^~]*Rate, Hz  [^~]*ax, ay, az"),
         (calibrated, "^calibrated samples of d: "),
@@ -296,7 +296,7 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(command) == 0
     shown = capsys.readouterr().err
-    assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
+    assert "ingest multi_position_1" in shown and " 0 of 5 steps done" in shown
     assert shown.index("segment: ") < shown.index("diagnose: ")
 
 
