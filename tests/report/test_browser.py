@@ -15,9 +15,15 @@ def page(tab, results):
     return tab.open(results / "report.html")
 
 
-def test_it_opens_without_an_error_and_asks_no_host(page, tab):
+def test_it_opens_without_an_error_asks_no_host_and_runs_only_its_own_script(page, tab):
     assert not tab.wrong
     assert tab.asked and all(url.startswith(("file:", "data:")) for url in tab.asked)
+    page.evaluate(
+        "() => { const s = document.createElement('script'); s.textContent = 'window.ran = 1';"
+        " document.body.append(s); document.body.insertAdjacentHTML('beforeend',"
+        " '<p id=trap onclick=\"window.ran = 2\">'); document.getElementById('trap').click(); }"
+    )
+    assert page.evaluate("window.ran === undefined")
 
 
 def test_axe_finds_no_violation(browser, results, repository):

@@ -16,6 +16,12 @@ def one(name="a.x", label="b", caption="c", **numbers):
     return Picture(name, "Line", caption, plot, numbers)
 
 
+def test_other_peoples_text_stays_text():
+    label = "<script>$x_2$ & b</script>"
+    svg = one(label=label, caption='"><script>').inline
+    assert "<script" not in svg and svg.count("&lt;script&gt;$x_2$ &amp; b&lt;/script&gt;") == 2
+
+
 def test_the_numbers_of_a_picture_with_a_text_that_a_spreadsheet_would_run(tmp_path):
     one("a.b", session=["-poses", "rest"], x=[-1.0, np.nan]).write(tmp_path)
     assert (tmp_path / "b.csv").read_text() == '"session","x"\n"\'-poses",-1\n"rest",\n'
