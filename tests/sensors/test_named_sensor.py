@@ -108,7 +108,7 @@ def test_counts_by_a_name_are_those_by_their_scale(counts):
             ["--sensor=icm42688p", "--range.acceleration=3 g"],
             "'3 g' is not a range; use one of 2 g, 4 g, 8 g",
         ),
-        (["--range.acceleration=16 g"], "range: needs the device's sensor"),
+        (["--range.acceleration=16 g"], "--range.acceleration: needs the device's sensor"),
     ],
     ids=str,
 )
