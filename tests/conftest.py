@@ -83,10 +83,21 @@ def faults(tmp_path, monkeypatch):
     from imuloop.config_faults import config_faults
 
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "poses.csv").write_text(
-        "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
-    )
-    (tmp_path / "counts.csv").write_bytes((tmp_path / "poses.csv").read_bytes())
+    log = "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
+    (tmp_path / "imu0").mkdir()
+    for name in (
+        "poses.csv",
+        "counts.csv",
+        "imu0/data.csv",
+        "log_{x}.csv",
+        " log.csv",
+        "log.csv\n",
+    ):
+        (tmp_path / name).write_text(log)
+    (tmp_path / "marks.csv").write_text("c,gnss\n1000000,5\n2000000,6\n")
+    (tmp_path / "log.bag").write_text("damaged")
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    os.mkfifo(tmp_path / "pipe.csv")
 
     def of(text, **options):
         path = tmp_path / "config.yaml"

@@ -23,6 +23,12 @@ NOMINAL = {"acceleration": {"scale": COUNTS.scale, "offset": COUNTS.offset}}
 T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
 
 
+def noisy_log(level=0.0):
+    """Return 3 s of noise, the force about a level."""
+    values = np.random.default_rng(0).normal(size=(300, 6)) + np.repeat([level, 0], 3)
+    return pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, values.T, strict=True))})
+
+
 @pytest.fixture
 def calibration(tmp_path):
     made = Calibration(
@@ -36,34 +42,21 @@ def calibration(tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_a_raw_log_is_calibrated_by_the_formula(tmp_path, calibration, ending):
-    rng = np.random.default_rng(0)
-    raw = np.column_stack(
-        [rng.integers(30000, 36000, (300, 3)), rng.normal(scale=20, size=(300, 3))]
-    )
-    log = pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, raw.T, strict=True))})
-    log.to_csv(tmp_path / "log.csv", index=False)
-    out = tmp_path / f"out{ending}"
-    assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]) == 0
-    got = pd.read_csv(out) if ending == ".csv" else pd.read_parquet(out)
-    f = (raw[:, :3] - [32700, 32800, 33000]) * 0.0025 @ T.T
-    np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(got[["gx", "gy", "gz"]], (raw[:, 3:] - 1) * 0.018, atol=1e-12)
-
-
-def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
-    rng = np.random.default_rng(1)
-    raw = np.column_stack([rng.normal(size=(300, 3)), rng.normal(scale=0.2, size=(300, 3))])
+def test_a_log_with_names_and_units_of_its_own_is_calibrated_by_the_formula(
+    tmp_path, calibration, ending
+):
+    raw = np.random.default_rng(1).normal(size=(300, 6)) * np.repeat([1, 0.2], 3)
     names = ["stamp", "fx", "fy", "fz", "p", "q", "r", "T"]
     log = np.column_stack([np.arange(300) * 10, raw, np.full(300, 300.0)])
     pd.DataFrame(log, columns=names).to_csv(tmp_path / "log.csv", index=False)
-    arguments = ["apply", str(calibration), str(tmp_path / "log.csv")]
-    arguments += ["-o", str(tmp_path / "out.csv"), "--units.time", "ms", "--units.temperature", "K"]
+    out = tmp_path / f"out{ending}"
+    arguments = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]
+    arguments += ["--units.time", "ms", "--units.temperature", "K"]
     arguments += ["--units.acceleration", "g", "--units.angular_rate", "rad/s"]
     arguments += ["--columns.time=stamp", "--columns.acceleration=fx,fy,fz"]
     arguments += ["--columns.angular_rate=p,q,r", "--columns.temperature=T"]
     assert main(arguments) == 0
-    got = pd.read_csv(tmp_path / "out.csv")
+    got = pd.read_csv(out) if ending == ".csv" else pd.read_parquet(out)
     np.testing.assert_allclose(got["t"], np.arange(300) / 100, atol=1e-12)
     np.testing.assert_allclose(got["temperature"], 300 - 273.15)
     counts = raw[:, :3] * 9.80665 / 0.0024 + 32768
@@ -80,12 +73,9 @@ def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
     """
     rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
     (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
-    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
-    log.insert(0, "t", np.arange(300) / 100)
+    log = noisy_log()
     log.to_csv(tmp_path / "log.csv", index=False)
     made, out = tmp_path / "made", tmp_path / "out.csv"
-    message = one_line_error(["calibrate", tmp_path / "short.csv", "-o", made], capsys)
-    assert "short.csv: rejected: 20 usable rows" in message and not made.exists()
     with pytest.warns(UserWarning, match="rejected"):
         result = imuloop.calibrate(tmp_path / "short.csv", folder=made, progress=False)
     assert [path.name for path in result.export(made / "exports")] == ["README.txt"]
@@ -102,8 +92,7 @@ def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
 def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration, capsys):
     """Protects a line each for a sensor that is nominal, and one with an unexplained residual."""
     own = Calibration.from_json(calibration)
-    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
-    log.insert(0, "t", np.arange(300) / 100)
+    log = noisy_log()
     log.to_csv(tmp_path / "log.csv", index=False)
     command = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(tmp_path / "o.csv")]
     assert main(command) == 0 and capsys.readouterr().out == ""
@@ -142,9 +131,8 @@ def by_pandas(ending, cut=None):
 @pytest.mark.parametrize(
     ("ending", "treated"),
     [
-        *((ending, lambda path: path) for ending in (".csv", ".parquet")),
-        *((".csv", rename_to(ending)) for ending in (".txt", ".dat", "")),
-        *((".parquet", rename_to(ending)) for ending in (".pq", ".csv", "")),
+        *((".csv", rename_to(ending)) for ending in (".dat", "")),
+        *((".parquet", rename_to(ending)) for ending in (".csv", "")),
         (".csv", pack),
         (".csv", by_pandas(".csv", slice(50, 250))),
         (".csv", by_pandas(".parquet")),
@@ -157,10 +145,7 @@ def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated
     Protects the mark in the written log and each reader's look at it: without them a second run
     corrects the bias again, with exit status 0.
     """
-    rng = np.random.default_rng(0)
-    raw = np.hstack([rng.integers(32000, 34000, (300, 3)), rng.normal(scale=20, size=(300, 3))])
-    log = pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, raw.T, strict=True))})
-    log.to_csv(tmp_path / "log.csv", index=False)
+    noisy_log(35125.0).to_csv(tmp_path / "log.csv", index=False)
     once, twice = tmp_path / f"once{ending}", tmp_path / "twice.csv"
     assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(once)]) == 0
     # other tools have the columns of the docs, and numbers alone
@@ -181,28 +166,15 @@ def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated
     if path.suffix == ".parquet":
         with pytest.raises(ImuloopError, match="calibrated already"):
             own.apply_file(path, twice)
-    # and what Python calibrated in memory, from there and through a file
+    # and what Python calibrated in memory
     samples = own.apply(imuloop.read(tmp_path / "log.csv", units=COUNTED, nominal=NOMINAL))
-    with pytest.raises(ImuloopError, match="calibrated already"):
-        own.apply(samples)
-    with pytest.raises(ImuloopError, match="calibrated already"):
-        imuloop.read(samples)
-
-
-def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
-    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
-    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
-    out = tmp_path / "out.csv"
-    for name, line in (("short.csv", "short.csv: rejected: "), ("no.csv", "no.csv")):
-        command = ["apply", calibration, tmp_path / name, "-o", out]
-        assert line in one_line_error(command, capsys)
-        assert not out.exists()
+    for again in (own.apply, imuloop.read):
+        with pytest.raises(ImuloopError, match="calibrated already"):
+            again(samples)
 
 
 def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, capsys):
-    log = pd.DataFrame({"t": np.arange(300) / 100})
-    noise = np.random.default_rng(2).normal(size=(300, 6))
-    log[[*CHANNELS]] = noise + np.repeat([35125.0, 1.0], 3)
+    log = noisy_log(35125.0)
     log.to_csv(tmp_path / "log.csv", index=False)
     out = tmp_path / "out.csv"
     given = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]

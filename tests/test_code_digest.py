@@ -2,100 +2,59 @@
 
 import ast
 import re
-from itertools import count
+import shutil
 
 import pytest
 
 from imuloop import code_digest as module
 from imuloop.code_digest import code_digest
 
-CHAIN = """def every():
-    from imuloop.stage import f
-    from imuloop.other import g
-"""
-STAGE = """def f(x):
-    'Old.'
-    from imuloop.lazy.late import h
-
-    return h(x) + 1
-"""
-FILES = {
-    "lib/chain.py": CHAIN,
-    "lib/core/files.py": "c = 1\n",
-    "lib/stage/__init__.py": '"""A package."""\n',
-    "lib/stage/a.py": STAGE,
-    "lib/stage/b.py": "y = 1\n",
-    "lib/lazy/late.py": "import numpy.linalg\n\n\ndef h(x):\n    return 2 * x in {'a', 'b'}\n",
-    "lib/named/d.py": "d = 1\n",
-    "lib/other/e.py": "import imuloop.stage.a\n\ne = 1\n",
-    "stage.py": '"""A script."""\nfrom imuloop.chain import stage\n\nstage(1)\n',
+# file of the library to which something is added, and whether the segmentation runs again
+CHANGES = {
+    "segment/segment.py": "X = 1\n",
+    "segment/within/new.py": "X = 1\n",
+    "segment/names.yaml": "x: 1\n",
+    "core/files.py": "X = 1\n",
+    "chain.py": "X = 1\n",
 }
-# text that is appended to a file, or a new file
-SAME = [
-    ("lib/stage/b.py", "# a comment\n\n"),
+NO_CHANGES = {
+    "segment/segment.py": "# a comment\n\n",
     # what chain.py imports is of its other stages
-    ("lib/other/e.py", "e = 2\n"),
-    ("lib/new/n.py", "n = 1\n"),
-]
-OTHER = [
-    ("stage.py", "x = 1\n"),
-    ("lib/chain.py", "x = 1\n"),
-    ("lib/core/files.py", "x = 1\n"),
-    ("lib/stage/b.py", "x = 1\n"),
-    ("lib/stage/within/new.py", "x = 1\n"),
-    ("lib/lazy/late.py", "x = 1\n"),
-    ("lib/named/d.py", "x = 1\n"),
-    ("lib/stage/names.yaml", "x: 1\n"),
-]
+    "report/report.py": "X = 1\n",
+    "new/new.py": "X = 1\n",
+}
 
 
-@pytest.fixture
-def digest(tmp_path):
-    """Return a function: digest of the stage in a fresh copy of FILES, some of them changed."""
-    serial = count()
-
-    def of(changes=(), **options):
-        found = tmp_path / str(next(serial))
-        for name, text in {**FILES, **dict(changes)}.items():
-            (found / name).parent.mkdir(parents=True, exist_ok=True)
-            (found / name).write_text(text)
-        return code_digest(found / "stage.py", "named", library=found / "lib", **options)
-
-    return of
+@pytest.mark.parametrize(
+    ("file", "text", "again"),
+    [(*each, True) for each in CHANGES.items()] + [(*each, False) for each in NO_CHANGES.items()],
+)
+def test_a_stage_depends_on_its_packages_alone(repository, tmp_path, file, text, again):
+    script, unused = repository / "scripts/segment.py", shutil.ignore_patterns("__pycache__")
+    library = shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "lib", ignore=unused)
+    (library / file).parent.mkdir(exist_ok=True)
+    with open(library / file, "a") as added:
+        added.write(text)
+    assert (code_digest(script, library=library) != code_digest(script)) == again
 
 
-def test_a_stage_depends_on_its_packages_alone(digest):
-    def after(file, text):
-        return digest({file: FILES.get(file, "") + text})
-
-    assert {after(*change) for change in SAME} == {digest()}
-    changed = {after(*change) for change in OTHER}
-    assert len(changed) == len(OTHER) and digest() not in changed
-
-
-def test_modules_that_a_job_does_not_use_do_not_count(digest):
-    edited = {name: f"{FILES[name]}x = 1\n" for name in ("lib/stage/b.py", "lib/stage/a.py")}
-    without = digest(without={"b"})
-    assert digest() != without
-    assert digest({"lib/stage/b.py": edited["lib/stage/b.py"]}, without={"b"}) == without
-    assert digest({"lib/stage/a.py": edited["lib/stage/a.py"]}, without={"b"}) != without
+def test_modules_that_a_job_does_not_use_do_not_count(repository, tmp_path):
+    library = shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "lib")
+    with open(library / "ingest/ros.py", "a") as added:
+        added.write("X = 1\n")
+    script = repository / "scripts/ingest.py"
+    for without, again in (((), True), (("phone",), True), (("ros",), False)):
+        edited = code_digest(script, without=without, library=library)
+        assert (edited != code_digest(script, without=without)) == again
 
 
-def test_the_text_of_a_docstring_does_not_count(digest):
-    said = STAGE.replace("'Old.'", '"""New,\n    of two lines."""')
-    assert digest({"lib/stage/a.py": said}) == digest()
-    assert digest({"lib/stage/a.py": STAGE.replace("+ 1", "+ 2")}) != digest()
-
-
-def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch):
+def test_an_update_of_a_package_that_is_used_reruns_the_job(repository, monkeypatch):
     """Protects: results of an older numpy are not kept with results of a newer one."""
-    before, version = digest(), module._version
-    for name in ("scipy", "numpy"):
-        updated = {name: "0.0.1"}
-        monkeypatch.setattr(
-            module, "_version", lambda each, of=updated: of.get(each, version(each))
-        )
-        assert (digest() == before) is (name == "scipy")
+    script, version = repository / "scripts/segment.py", module._version
+    before = code_digest(script)
+    for name, again in (("matplotlib", False), ("numpy", True)):
+        monkeypatch.setattr(module, "_version", lambda each, n=name: each == n or version(each))
+        assert (code_digest(script) != before) == again
 
 
 def test_each_rule_names_the_packages_that_its_stage_imports(repository):

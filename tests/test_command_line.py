@@ -9,36 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from scipy.io import savemat
 
+import imuloop
 from imuloop.__main__ import main
 from imuloop.commands.program import COMMANDS
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.ingest.ingest import ingest
 from ingest.logs import brief
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [],
-        ["nothing"],
-        ["check", "c.json", "log.csv", "--turn-on", "1"],
-        ["check", "c.json", "log.csv", "--level", "5"],
-        ["apply", "c.json", "log.csv", "-o", "out.csv", "--columns.speed", "v"],
-        ["apply", "c.json", "log.csv", "-o", "out.csv", "--nominal.acceleration.scale", "a"],
-        ["check", "c.json", "log.csv", "--gravity", "nan"],
-        ["report", "log.csv", "-o", "r.html", "--gravity", "0"],
-        ["report", "log.csv"],
-        ["report", "log.csv", "-o", "r.html", "--gravity", "9,81"],
-    ],
-    ids=" ".join,
-)
-def test_bad_usage_ends_with_status_2(arguments, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(arguments)
-    assert stopped.value.code == 2
-    assert "Traceback" not in capsys.readouterr().err
 
 
 def one_line_error(arguments, capsys):
@@ -49,52 +26,35 @@ def one_line_error(arguments, capsys):
 
 
 def test_info_says_what_a_file_is(device, tmp_path, capsys):
-    def info(path, *more):
-        assert main(["info", str(path), *more]) == 0
-        return capsys.readouterr().out
-
-    lines = info(device / "calibration.json")
-    assert lines.startswith("calibration of d, gravity 9.80665 m/s²")
+    calibrated, samples = tmp_path / "c.parquet", tmp_path / "samples.parquet"
+    main([*map(str, ("apply", device / "calibration.json", device / "1.csv", "-o", calibrated))])
+    session = {"device": "d", "session": "poses", "kind": "multi_position"}
+    quality, exports = tmp_path / "quality.json", tmp_path / "exports.json"
+    exports.write_text('{"sha256": {"kalibr_imu.yaml": "0a"}}')
+    attitude = tmp_path / "attitude.json"
+    attitude.write_text('{"format": 1, "status": "not_testable"}')
+    ingest(**session, paths=[device / "1.csv"], samples_path=samples, quality_path=quality)
+    capsys.readouterr()
     # the truth: 0.12 m/s^2, -4 mrad
-    assert re.search(r"Bias x +mg +12\.\d+ ± 0\.\d+", lines)
-    assert re.search(r"Misalignment xy +mrad +-[34]\.\d+ ± ", lines)
-    lines = info(device / "noise.json")
-    assert re.search(r"N, white noise .* +µg/√Hz +153 +143 +194", lines)
-    lines = info(device / "1.csv")
-    assert "1.csv: log, format csv" in lines and "Rate, Hz  " in lines
-    assert "acceleration m/s^2" in lines and "ax, ay, az" in lines and "Gaps" not in lines
-    command = ["apply", device / "calibration.json", device / "1.csv", "-o", tmp_path / "c.parquet"]
-    main([str(each) for each in command])
-    assert info(tmp_path / "c.parquet").startswith("calibrated samples of d: ")
-    samples = tmp_path / "samples.parquet"
-    ingest(
-        device="d",
-        session="poses",
-        kind="multi_position",
-        paths=[device / "1.csv"],
-        samples_path=samples,
-        quality_path=tmp_path / "quality.json",
-    )
-    assert info(samples).startswith("samples of d, session poses, multi_position\nok: ")
-    assert info(tmp_path / "quality.json").startswith("ok: ")
-    (tmp_path / "exports.json").write_text('{"sha256": {"kalibr_imu.yaml": "0a"}}')
-    assert info(tmp_path / "exports.json") == "exports.json\n  sha256.kalibr_imu.yaml  0a\n"
-    (tmp_path / "attitude.json").write_text('{"format": 1, "status": "not_testable"}')
-    assert "  status  not_testable" in info(tmp_path / "attitude.json")
-    (tmp_path / "other.json").write_text('{"a": 1}')
-    assert "no result of imuloop" in one_line_error(["info", tmp_path / "other.json"], capsys)
-    assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
+    calibration = r"^calibration of d, gravity 9.80665 m/s²[^~]*Bias x +mg +12\.\d+ ± 0\.\d+"
+    for path, pattern in (
+        (device / "calibration.json", calibration),
+        (device / "calibration.json", r"misalignment ± 1 σ\n +Axis .*\n +on x +\S+ +-[34]\.\d+ ± "),
+        (device / "noise.json", r"N, white noise .* +µg/√Hz +153 +143 +194"),
+        (device / "1.csv", r"1.csv: log, format csv[^~]*Rate, Hz  [^~]*ax, ay, az"),
+        (calibrated, "^calibrated samples of d: "),
+        (samples, "^samples of d, session poses, multi_position\nok: "),
+        (quality, "^ok: "),
+        (exports, r"^exports.json\n  sha256.kalibr_imu.yaml  0a\n$"),
+        (attitude, "  status  not_testable"),
+    ):
+        assert main(["info", str(path)]) == 0
+        assert re.search(pattern, capsys.readouterr().out), path
 
 
 def link_to(path):
     other = path.with_name(f"link_{path.name}")
     other.symlink_to(path)
-    return other
-
-
-def linked_hard(path):
-    other = path.with_name(f"hard_{path.name}")
-    other.hardlink_to(path)
     return other
 
 
@@ -117,7 +77,7 @@ def refusal_line(arguments, folder, capsys):
 
 
 @pytest.mark.parametrize(
-    "another_name", [lambda path: path.parent / "." / ".." / "in" / path.name, link_to, linked_hard]
+    "another_name", [lambda path: path.parent / "." / ".." / "in" / path.name, link_to]
 )
 def test_no_command_writes_onto_what_it_reads(log, capsys, another_name):
     calibration, made = log.with_name("calibration.json"), log.with_name("made.csv")
@@ -171,25 +131,16 @@ def test_what_a_terminal_would_obey_is_not_printed(tmp_path, capsys):
 
 
 def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
-    cause = "taken as m/s^2, it looks like g"
+    cause, page = "taken as m/s^2, it looks like g", tmp_path / "report.html"
     log = pd.read_csv(device / "1.csv")
     log[list(ACCELERATION)] /= 9.80665
     log.to_csv(tmp_path / "log.csv", index=False)
-    page = tmp_path / "report.html"
-    assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 1
-    printed = capsys.readouterr()
-    gravity, verdicts, last = printed.out.splitlines()
-    assert gravity == "gravity 9.80665 m/s²"
-    assert verdicts.startswith("log: accelerometer and gyroscope not testable (")
-    [line] = printed.err.splitlines()
+    line = one_line_error(["report", tmp_path / "log.csv", "-o", page], capsys)
     assert line.startswith(f"imuloop: {tmp_path / 'log.csv'}: rejected: ") and cause in line
-    assert last == f"wrote {page}"
     text = unescape(page.read_text())
     assert text.index("Rejected sessions") < text.index(cause) < text.index("value ± 1 σ")
-    assert "Nothing needed" not in text
-    [advice] = re.findall(r"What would help most:</strong> (.*?)</p>", text)
-    assert advice.startswith("Before anything else, correct the declaration of the rejected")
-    assert text.count(cause) == 1
+    assert text.count(cause) == 1 and "Nothing needed" not in text
+    assert "Before anything else, correct the declaration of the rejected" in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -209,52 +160,16 @@ def test_one_result_in_the_place_of_another_is_one_line(device, tmp_path, capsys
     assert "not a noise model" in found
 
 
-def test_info_returns_1_of_a_rejected_log(tmp_path, capsys):
-    rows = ["t,ax,ay,az,gx,gy,gz", *(f"{i / 100},0,0,0,0,0,0" for i in range(400))]
-    (tmp_path / "log.csv").write_text("\n".join(rows))
-    assert main(["info", str(tmp_path / "log.csv")]) == 1
-    assert "\nrejected: " in capsys.readouterr().out
-
-
-def test_a_stream_is_named_as_in_the_config(tmp_path, capsys):
-    rng = np.random.default_rng(11)
-    values = {"t": np.arange(600)[:, None] / 100}
-    values |= {n: c + 0.02 * rng.normal(size=(600, 3)) for n, c in (("f", [0, 0, 9.8]), ("v", 0))}
-    savemat(tmp_path / "log.mat", values | {"w": values["v"] + 1})
-    log, named = str(tmp_path / "log.mat"), ["--columns.acceleration=f", "--columns.angular_rate=v"]
-    assert main(["info", log, *named, "--columns.time", "null", "--rate", "50"]) == 0
-    shown = capsys.readouterr().out
-    assert "f.x, f.y, f.z" in shown and "v.x, v.y, v.z" in shown and "50 Hz" in shown
-    with pytest.raises(SystemExit):
-        main(["info", log, "--columns.acceleration", "f,v"])
-    with pytest.raises(SystemExit):
-        main(["info", log, "--columns.time", "sec,nsec,usec"])
-
-
-def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
-    log = pd.read_csv(device / "1.csv")
-    log[["t", *ACCELERATION]].to_csv(tmp_path / "acc.csv", index=False)
-    log.drop(columns=[*ACCELERATION]).to_csv(tmp_path / "gyr.csv", index=False)
-    taken = []
-    monkeypatch.setattr(
-        "imuloop.commands.calibrate.calibrate",
-        lambda *logs, **how: taken.append((logs, how)) or 1 / 0,
-    )
-    a, b = tmp_path / "acc.csv", tmp_path / "gyr.csv"
-    logs = [f"static=acceleration={a},angular_rate={b}", f"acceleration={a},angular_rate={b}"]
-    assert main(["calibrate", *logs, "-o", str(tmp_path / "out")]) == 1
-    assert not (tmp_path / "out").exists()
-    [line] = capsys.readouterr().err.splitlines()
+def test_a_bug_is_one_line_that_names_the_file_of_its_traceback(
+    device, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("imuloop.commands.calibrate.calibrate", lambda *logs, **how: 1 / 0)
+    line = one_line_error(["calibrate", device / "1.csv", "-o", tmp_path / "out"], capsys)
     assert "a bug of imuloop: ZeroDivisionError: division by zero" in line
-    traceback = Path(line.rpartition(", ")[2])
+    assert not (tmp_path / "out").exists()
+    traceback = Path(line.strip().rpartition(", ")[2])
     assert "1 / 0" in traceback.read_text()
     traceback.unlink()
-    pair = {"acceleration": a, "angular_rate": b}
-    [((poses,), how)] = taken
-    assert poses == [pair] and how["static"] == [pair] and how["label"] == "acc"
-    wrong = f"acceleration={a},angular_rate={tmp_path / 'none.csv'}"
-    line = one_line_error(["calibrate", wrong, "-o", tmp_path / "out"], capsys)
-    assert "none.csv: there is no such file" in line
 
 
 def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
@@ -296,14 +211,10 @@ def test_the_noise_of_a_log_with_the_files_of_filters(tmp_path, capsys):
     noise = json.loads((out / "noise.json").read_text())
     for channel, density in sizes.items():
         assert noise["axes"][channel]["N"]["value"] == pytest.approx(density, rel=0.02)
-    for name in ("kalibr_imu.yaml", "vins_fusion_imu.yaml", "openvins_kalibr_imu_chain.yaml"):
-        assert f"wrote {out / name}" in shown
     kalibr = yaml.safe_load((out / "kalibr_imu.yaml").read_text())
     white = max(noise["axes"][channel]["N"]["value"] for channel in ACCELERATION)
     assert white <= kalibr["accelerometer_noise_density"] < 1.5 * white
-    for sensor in ("accelerometer", "gyroscope"):
-        svg = (out / f"allan_{sensor}.svg").read_text()
-        assert ">N " in svg and "<svg" in svg
+    assert {"allan_accelerometer.svg", "allan_gyroscope.svg"} <= {p.name for p in out.iterdir()}
     curve = pd.read_csv(out / "allan.csv").query("axis == 'ax'").iloc[0]
     assert curve["adev"] == pytest.approx(2e-3 * np.sqrt(rate), rel=0.02)
 
@@ -315,15 +226,6 @@ def test_an_axis_without_noise_is_left_open_and_so_are_the_files_of_filters(tmp_
     shown = capsys.readouterr().out
     assert "gy: output is constant, no coefficient estimated" in shown
     assert "openvins_kalibr_imu_chain.yaml is not written: no noise: K of gy" in shown
-
-
-def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
-    log = pd.DataFrame({"t": np.arange(6000) / 100})
-    for k, channel in enumerate(CHANNELS):
-        log[channel] = 5 * np.sin((1 + 0.3 * k) * log["t"])
-    log.to_csv(tmp_path / "moving.csv", index=False)
-    line = one_line_error(["noise", tmp_path / "moving.csv"], capsys)
-    assert "moving.csv" in line and "no session holds a rest" in line
 
 
 def test_a_log_that_is_rejected_ends_every_command_with_1(device, tmp_path, capsys):
@@ -339,6 +241,7 @@ def test_a_log_that_is_rejected_ends_every_command_with_1(device, tmp_path, caps
         ["check", calibration, bad, "--json", out],
         ["coach", bad, "--every", "0.01", "--patience", "0.1"],
         ["noise", bad, "-o", out],
+        ["report", bad, "-o", tmp_path / "page.html"],
     ):
         message = one_line_error(command, capsys)
         assert "bad.csv: " in message and "20 usable rows" in message and not out.exists()
@@ -362,18 +265,11 @@ def test_a_prior_is_a_file(device, tmp_path, capsys):
     kept.mkdir()
     for name in ("calibration.json", "noise.json"):
         (kept / name).write_bytes((device / name).read_bytes())
-    file, none = kept / "calibration.json", kept / "none.json"
+    file = kept / "calibration.json"
     command = ["calibrate", log, "-o", tmp_path / "out", "--prior"]
     assert main([*map(str, command), str(file)]) == 0
     made = json.loads((tmp_path / "out/calibration.json").read_text())
     assert {made[s]["prior"]["source"] for s in ("accelerometer", "gyroscope")} == {str(file)}
-    capsys.readouterr()
-    for each in (command, ["report", log, "-o", tmp_path / "r.html", "--prior"]):
-        line = one_line_error([*each, none], capsys).strip()
-        assert line == f"imuloop: --prior {none}: there is no such file"
-    wrong = kept / "noise.json"
-    line = one_line_error([*command, wrong], capsys).strip()
-    assert line == f"imuloop: --prior {wrong}: neither a calibration.json nor a family.json"
     refusal_line(["calibrate", log, "-o", kept, "--prior", file], kept, capsys)
 
 
@@ -400,13 +296,36 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(command) == 0
     shown = capsys.readouterr().err
-    assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
+    assert "ingest multi_position_1" in shown and " 0 of 5 steps done" in shown
     assert shown.index("segment: ") < shown.index("diagnose: ")
 
 
-def test_a_key_of_the_config_is_an_option(tmp_path, capsys):
+LONG = "--columns.time tick --columns.acceleration fx,ay,az --units.time ms"
+COUNTS = " --units.acceleration count --nominal.acceleration.scale 0.01"
+RANGES = " --sensor icm42688p --range.acceleration 16g --range.angular_rate 2000deg/s"
+
+
+@pytest.mark.parametrize(
+    ("short", "long"),
+    [
+        ("--set columns.time=tick columns.acceleration=[fx,ay,az] units.time=ms", LONG),
+        ("--columns time=tick acceleration=fx,ay,az --time-unit ms", LONG),
+        (f"{LONG} --counts acceleration=0.01", LONG + COUNTS),
+        (f"{LONG} --counts acceleration=0.01,5", f"{LONG}{COUNTS} --nominal.acceleration.offset 5"),
+        (f"{LONG} --sensor icm42688p --range 16g,2000deg/s", LONG + RANGES),
+    ],
+)
+def test_a_key_of_the_config_is_an_option_and_has_shorthands(tmp_path, capsys, short, long):
     log = brief().rename(columns={"t": "tick", "ax": "fx"})
     log.assign(tick=1e3 * log["tick"]).to_csv(tmp_path / "log.csv", index=False)
-    keys = ["--columns.time=tick", "--units.time=ms", '--columns.acceleration=["fx", "ay", "az"]']
-    assert main(["info", str(tmp_path / "log.csv"), *keys]) == 0
-    assert "fx, ay, az" in capsys.readouterr().out
+    shown = []
+    for words in (short, long):
+        status = main(["info", str(tmp_path / "log.csv"), *words.split()])
+        shown.append((status, capsys.readouterr()))
+    assert shown[0] == shown[1] and "fx, ay, az" in shown[0][1].out
+
+
+def test_the_version_is_printed(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"imuloop {imuloop.__version__}\n"

@@ -19,20 +19,6 @@ def test_schema_and_table_are_those_of_the_models(repository):
     assert made["TABLE"].read_text("utf-8") == made["table"](schema), "make settings"
 
 
-def properties(node):
-    if isinstance(node, dict):
-        yield from node.get("properties", {}).items()
-        for child in node.values():
-            yield from properties(child)
-
-
-def test_every_key_is_described(repository):
-    schema = yaml.safe_load(runpy.run_path(str(repository / "docs/settings.py"))["schema"]())
-    for key, content in properties(schema):
-        models = [schema["$defs"][content["$ref"].rpartition("/")[2]]] if "$ref" in content else []
-        assert content.get("description") or models[0]["description"], key
-
-
 @pytest.mark.parametrize("stage", STAGES)
 def test_the_defaults_of_a_stage_are_within_its_limits(stage):
     settings = Device.model_fields[stage].annotation

@@ -46,6 +46,10 @@ FORMS = {
         {"units": {"time": "us"}},
     ),
     "dates": lambda t, f, w: ((pd.to_datetime(t, unit="s"), f, w), {}),
+    "other units": lambda t, f, w: (
+        (t, f / 9.80665, np.degrees(w)),
+        {"units": {"acceleration": "g", "angular_rate": "deg/s"}},
+    ),
     "no time": lambda t, f, w: ((None, f, w), {"rate": 50}),
     "sensors by name": lambda t, f, w: ({"t": t, "acceleration": f, "angular_rate": w}, {}),
     "one array": lambda t, f, w: (np.column_stack([t, f, w]).astype("g"), NUMBERED),

@@ -8,7 +8,7 @@ import imuloop
 from imuloop.__main__ import main
 from imuloop.core.files import read_json
 from imuloop.core.rotation import exponential, matrix, prefix_product
-from imuloop.core.samples import SENSORS
+from imuloop.core.samples import CHANNELS, SENSORS
 from quick import hurry
 from test_command_line import one_line_error
 
@@ -51,18 +51,15 @@ def moving_log(motion, seed, seconds=60.0, rests=()):
     return pd.DataFrame(log)
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
-def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, tmp_path, capsys):
-    moving_log(motion, 1).to_csv(tmp_path / "log.csv", index=False)
+@pytest.mark.parametrize(
+    ("motion", "axes"),
+    [*((motion, CHANNELS) for motion in MOTIONS), *(("flight", axes) for axes in SENSORS.values())],
+)
+def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, axes, tmp_path, capsys):
+    moving_log(motion, 1)[["t", *axes]].to_csv(tmp_path / "log.csv", index=False)
     line = one_line_error(["noise", tmp_path / "log.csv", "-o", tmp_path / "out"], capsys)
     assert "no session holds a rest" in line
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("sensor", SENSORS)
-def test_one_sensor_without_a_rest_has_no_noise(sensor, tmp_path, capsys):
-    moving_log("flight", 3)[["t", *SENSORS[sensor]]].to_csv(tmp_path / "log.csv", index=False)
-    assert "no session holds a rest" in one_line_error(["noise", tmp_path / "log.csv"], capsys)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -78,14 +75,10 @@ def test_the_reason_stands_where_the_numbers_would_be(tmp_path):
     assert static["verdict"] == "not_testable" and static["why"]
 
 
-@pytest.mark.parametrize(
-    ("motion", "rests"),
-    [
-        ("flight", [(0, 10)]),
-        ("walk", [(10, 14), (25, 28), (40, 45)]),
-    ],
-    ids=["before a flight", "in a walk"],
-)
+RESTS = [("flight", [(0, 10)]), ("walk", [(10, 14), (25, 28), (40, 45)])]
+
+
+@pytest.mark.parametrize(("motion", "rests"), RESTS)
 def test_the_rests_of_a_moving_log_give_its_noise(motion, rests, tmp_path, blank_figures):
     moving_log(motion, 5, rests=rests).to_csv(tmp_path / "log.csv", index=False)
     assert main(["noise", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out")]) == 0

@@ -44,10 +44,7 @@ def test_an_accelerometer_alone_is_calibrated():
     scale, bias = np.array([1.01, 0.99, 1.005]), np.array([0.1, -0.05, 0.02])
     with pytest.warns(UserWarning) as said:
         found = imuloop.calibrate(in_many_attitudes(scale, bias))
-    [line] = said
-    assert "the log holds no angular_rate: what needs it is not testable; give both" in str(
-        line.message
-    )
+    assert "the log holds no angular_rate: what needs it is not testable" in str(said[0].message)
     sensor = found.calibration.accelerometer
     std = np.array([sensor.std[f"K{k}"] for k in range(3)])
     assert (std < 2e-4).all()
@@ -59,13 +56,13 @@ def test_an_accelerometer_alone_is_calibrated():
     assert found.noise["gx"].N.value is None
 
 
-def test_a_gyroscope_alone_at_rest_has_noise_and_bias():
-    with pytest.warns(UserWarning) as said:
-        found = imuloop.calibrate(at_rest())
-    [line] = said
-    assert "the log holds no acceleration: what needs it is not testable; give both" in str(
-        line.message
-    )
+def test_a_gyroscope_alone_at_rest_has_noise_and_bias(tmp_path, blank_figures):
+    with pytest.warns(UserWarning, match="the log holds no acceleration: what needs it is not t"):
+        found = imuloop.calibrate(at_rest(), folder=tmp_path / "made", progress=False)
+    found.report(tmp_path / "report.html")
+    files = {path.name: path.read_text() for path in found.export(tmp_path / "files")}
+    assert {"kalibr_imu.yaml", "imu_calibration.h"} <= {*files}
+    assert "accelerometer_" not in files["kalibr_imu.yaml"] + files["imu_calibration.h"]
     for axis in ("gx", "gy", "gz"):
         assert found.noise[axis].N.value == pytest.approx(RATE, rel=0.05)
         assert found.noise[axis.replace("g", "a")].N.value is None
@@ -82,28 +79,14 @@ def test_its_noise_comes_with_files_of_this_sensor_alone(sensor, tmp_path, capsy
     (other,) = {*SENSORS} - {sensor}
     printed = capsys.readouterr().out
     assert f"\n{sensor} " in printed and f"\n{other} " not in printed
-    assert "constant" not in printed and "note: a" not in printed
     files = {path.name: path for path in (tmp_path / "out").iterdir()}
-    assert {"noise.json", "allan.csv", f"allan_{sensor}.svg"} <= {*files}
-    assert {"kalibr_imu.yaml", "openvins_kalibr_imu_chain.yaml", "ros_imu_covariance.yaml"} <= {
-        *files
-    }
-    assert f"allan_{other}.svg" not in files
+    assert {"noise.json", f"allan_{sensor}.svg"} <= {*files} and f"allan_{other}.svg" not in files
     assert set(pd.read_csv(files["allan.csv"])["axis"]) == {*SENSORS[sensor]}
     kalibr = yaml.safe_load(files["kalibr_imu.yaml"].read_text())
     assert [key for key in kalibr if "noise" in key] == [f"{sensor}_noise_density"]
     for path in files.values():
         if path.suffix == ".yaml":
             assert f"{other}_" not in path.read_text()
-
-
-def test_its_report_and_exports_are_of_this_sensor_alone(tmp_path, blank_figures):
-    with pytest.warns(UserWarning, match="holds no acceleration"):
-        found = imuloop.calibrate([], static=at_rest(), folder=tmp_path, progress=False)
-    found.report(tmp_path / "report.html")
-    files = {path.name: path.read_text() for path in found.export(tmp_path / "files")}
-    assert {"kalibr_imu.yaml", "imu_calibration.h"} <= {*files}
-    assert "accelerometer_" not in files["kalibr_imu.yaml"] + files["imu_calibration.h"]
 
 
 def test_columns_that_may_be_the_other_sensor_s_are_not_passed_over():

@@ -4,24 +4,17 @@ A study is as good as its truth: each test compares one part of it with the expe
 """
 
 import ast
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import imuloop
-from bench.realistic import device
 from bench.realistic.device import (
     CHANNELS,
-    GRAVITY,
-    RAIL,
-    at_rest,
-    move,
     record,
 )
-from bench.realistic.judge import errors, judge, outcome, pulls
-from bench.realistic.plain import fit, rotation
+from bench.realistic.judge import errors, judge, outcome
+from bench.realistic.plain import fit
 from quick import hurry
 
 # a short log of few samples
@@ -35,12 +28,6 @@ def sense(made):
     return made.columns["t"], f, w
 
 
-@pytest.fixture
-def coarse_steps(monkeypatch):
-    """A motion in steps large enough for a quick test."""
-    monkeypatch.setattr(device, "INTERNAL", 400)
-
-
 # the study is blind only as long as neither knows imuloop
 @pytest.mark.parametrize("name", ["device", "plain"])
 def test_generator_and_plain_fit_share_no_code_with_imuloop(repository, name):
@@ -49,24 +36,6 @@ def test_generator_and_plain_fit_share_no_code_with_imuloop(repository, name):
     names = [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
     allowed = ("numpy", "scipy", "bench.realistic.device", *"json dataclasses functools".split())
     assert froms and all(n.startswith(allowed) for n in froms + names)
-
-
-@pytest.mark.parametrize("parts", [(), ("settle", "tremor"), ("fast_turns",)])
-def test_rates_integrate_to_the_attitude_and_force_to_the_velocity(parts):
-    motion = move(3, (*parts, "twelve_poses"), 1600.0)
-    rates = np.zeros((2, 1, 1 << len(motion.t).bit_length(), 3))
-    rates[0, 0, : len(motion.t) - 1] = motion.angular_rate[:-1]
-    rates[1, 0, : len(motion.t) - 1] = motion.angular_rate[1:]
-    q = rotation(np.full((1, 1, 1), 1 / 1600), *rates)[0]
-    turned = motion.attitude[0] * Rotation.from_quat(np.roll(q, -1))
-    assert (turned.inv() * motion.attitude[-1]).magnitude() < 1e-4
-    velocity = np.cumsum(motion.attitude.apply(motion.force) - [0, 0, GRAVITY], axis=0) / 1600
-    still = at_rest(motion.t, motion.rests)
-    assert np.abs(velocity).max() > 0.1
-    # put down on a table, without a hand
-    if "tremor" not in parts:
-        assert np.abs(velocity[still]).max() < 1e-4
-        assert np.abs(motion.angular_rate[still]).max() < 1e-3
 
 
 # the truth must not come from the plain fit
@@ -86,27 +55,20 @@ def test_plain_fit_of_a_log_without_noise_gives_the_truth():
     assert fit(t, f, w, made.rests[:3]) == (None, None)
 
 
-def test_judge_measures_the_error_that_is_there():
-    made = record(FEW, "jump", noise=False)
-    step = made.steps[0] * made.accelerometer.K @ made.accelerometer.T.T
-    own = errors(
-        made, lambda f, w, t, _: (made.accelerometer.corrected(f), made.gyroscope.corrected(w))
-    )
-    # half of the probes lie behind the jump
-    assert own["accelerometer"] == pytest.approx(np.linalg.norm(step) / np.sqrt(2), rel=1e-9)
-    off = SimpleNamespace(**vars(made.gyroscope) | {"std": {"K1": 1e-3, "T20": 2e-3, "b0": 0.0}})
-    off.K = off.K + np.array([0, 2e-3, 0])
-    assert pulls(off, made.gyroscope) == pytest.approx({"K1": 2.0, "T20": 0.0})
-
-
-@pytest.mark.parametrize(("case", "verdict"), [("settle", "not_testable"), ("clean", "consistent")])
-def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, verdict):
-    record(14, case).write(tmp_path / "log.csv")
+@pytest.mark.parametrize(("error", "verdict"), [(0.0, "consistent"), (3e-3, "not_testable")])
+def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, error, verdict):
+    """With another error of the angular rate, rad/s, in each move it cannot be told from this."""
+    made, rng = record(14, "settle"), np.random.default_rng(1)
+    t = made.columns["t"]
+    for (_, start), (end, _) in zip(made.rests, made.rests[1:], strict=False):
+        for name in CHANNELS[3:]:
+            made.columns[name][(t > start) & (t < end)] += error * rng.normal()
+    made.write(tmp_path / "log.csv")
     with hurry("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
     poses = result.diagnosis["sensors"]["gyroscope"]["poses"]
     assert poses["verdict"] == verdict
-    assert ("the device moved in 1" in poses.get("why", "")) == (case == "settle")
+    assert ("the device moved in 1" in poses.get("why", "")) == (error > 0)
     # nothing is said of the first half minute at rest: it is not a static record
     still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
     assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
@@ -128,45 +90,6 @@ def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
     assert ("log every sample" in motion.get("why", "")) == (case == "lossy")
     # rows that are lost make no rate too small
     assert not [note for note in found["notes"] if "off by as much" in note]
-
-
-def test_what_is_missing_from_the_model_is_in_the_log(coarse_steps):
-    clean = record(FEW, noise=False)
-    t, *sensors = sense(clean)
-    for case in ("temperature", "thermometer_lag", "jump"):
-        made = record(FEW, case, noise=False)
-        assert clean.effect_free and not made.effect_free
-        for sensor, (a, b) in enumerate(zip(sense(made)[1:], sensors, strict=True)):
-            if case == "jump":
-                assert a - b == pytest.approx(made.bias(sensor, t, made.middle), abs=1e-12)
-            else:
-                means = [(a - b)[(t >= i) & (t < j)].mean(axis=0) for i, j in made.rests]
-                extremes = np.abs(made.slopes[sensor]) * np.ptp(made.temperatures)
-                assert np.ptp(means, axis=0) == pytest.approx(extremes, rel=1e-9)
-        # of a thermometer that is right, noise and rounding alone
-        if case != "jump":
-            off = made.columns["temperature"] - made.middle
-            off -= ((a - b) / made.slopes[1]).mean(axis=1)
-            assert (np.abs(off).max() > 0.5) == (case == "thermometer_lag")
-
-
-def test_a_case_without_effect_changes_what_it_names_alone(coarse_steps):
-    clean = record(FEW)
-    t, f, w = sense(clean)
-    still = at_rest(t, clean.rests)
-    late = sense(record(FEW, "usb"))
-    assert (late[0] >= t).all() and (np.diff(late[0]) >= 0).all() and np.ptp(late[0] - t) > 0.01
-    assert np.array_equal(late[2], w)
-    assert np.abs(sense(record(FEW, "clipping"))[2]).max() == pytest.approx(np.radians(RAIL))
-    for values in np.hstack(sense(record(FEW, "quantised"))[1:]).T:
-        levels = np.unique(values)
-        counts = (levels - levels[0]) / np.diff(levels).min()
-        assert counts == pytest.approx(np.round(counts), abs=1e-6)
-    for case, lower, upper in (("lowpass", 0.3, 0.95), ("tremor", 3, 100), ("fan", 1.005, 100)):
-        spread = [np.std(np.diff(g[still], axis=0)) for g in (sense(record(FEW, case))[2], w)]
-        assert lower < spread[0] / spread[1] < upper, case
-    changed = np.any(np.hstack(sense(record(FEW, "spikes"))[1:]) != np.hstack([f, w]), axis=1)
-    assert 0 < changed.mean() < 0.01
 
 
 def test_a_jump_of_both_biases_is_found_although_a_hand_trembles():

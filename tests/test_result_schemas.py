@@ -1,12 +1,10 @@
 """The schemas describe every key, and find faults."""
 
-import json
-
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
-from result_files import SCHEMAS, fault
+from result_files import SCHEMAS
 
 NAMES = sorted(path.name for path in SCHEMAS.glob("*.schema.yaml"))
 
@@ -43,22 +41,3 @@ def test_a_schema_describes_every_key_and_allows_no_other(schemas, name):
                 assert target(schemas, name, value).get("description"), key
         if "required" in node and "properties" in node:
             assert node.get("additionalProperties") is not None, node["required"]
-
-
-EXPORTS = {"sha256": {"README.txt": "0" * 64}}
-
-
-@pytest.mark.parametrize(
-    ("content", "wrong"),
-    [
-        (EXPORTS, None),
-        (EXPORTS | {"more": 1}, "'more' was unexpected"),
-        ({"sha256": {"README.txt": float("nan")}}, "NaN is no JSON"),
-        ({"sha256": {"README.txt": None}}, "None is not of type 'string'"),
-    ],
-)
-def test_what_is_wrong_is_seen(tmp_path, content, wrong):
-    path = tmp_path / "exports.json"
-    path.write_text(json.dumps(content))
-    found = fault(path)
-    assert found is None if wrong is None else wrong in found

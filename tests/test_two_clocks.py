@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import imuloop
 from imuloop import chain
 from imuloop.core.files import read_json
-from imuloop.core.samples import Samples, on_gyroscope_clock
+from imuloop.core.samples import Samples
 from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
@@ -76,22 +76,6 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, tmp_path, force_rate
     # nothing is said of what merging two clocks alone would do
     assert not [note for note in found.notes if "power is lacking" in note]
     assert "a value is held" not in str(read_json(device.sessions["log"]["quality"])["warnings"])
-
-
-@pytest.mark.parametrize("every", [2, 3, 5])
-def test_specific_force_beside_a_slower_gyroscope_is_that_at_its_stamps(every):
-    """Protects from an offset in time that the sensors do not have: rows hold a sample early."""
-    t = 0.01 * np.arange(300)
-    own = t[every // 2 :: every]
-    held = own[np.clip(np.searchsorted(own + 0.005 * every, t), 0, len(own) - 1)]
-    ramp = 3 - 2 * t
-    columns = {"t": t, **dict.fromkeys(("ax", "ay", "az"), ramp), "t_gyroscope": held}
-    columns |= dict.fromkeys(("gx", "gy", "gz"), 0 * t)
-    found = on_gyroscope_clock(columns)
-    np.testing.assert_array_equal(found["t"], own)
-    # half a row at most, where as many rows lie before the stamp as after it but one
-    np.testing.assert_allclose(found["ax"][1:-1], 3 - 2 * own[1:-1], atol=0.011)
-    assert abs(np.mean(found["ax"][1:-1] - (3 - 2 * own[1:-1]))) < (0.011 if every == 2 else 1e-12)
 
 
 def turning_device(t, rng):

@@ -35,8 +35,3 @@ def test_a_known_offset_lowers_the_error(trial):
     assert both < offset_alone < before < opposite
     # the remaining error is the filter's
     assert both < 0.2 * before
-
-
-def test_the_filter_is_half_a_period_ahead(trial):
-    errors = {part: before_and_after(trial, part / RATE - LATE)[1] for part in (0.25, 0.5, 0.75)}
-    assert min(errors, key=errors.get) == 0.5

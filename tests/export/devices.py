@@ -10,7 +10,6 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.effects.temperature import BiasTemperature, ScaleTemperature
-from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.export import FORMATS
 from imuloop.export.values import Exported
 from imuloop.model.calibration import Calibration
@@ -107,16 +106,6 @@ def with_sensor(exported, name, **changes):
 def without_flicker(exported):
     axes = {name: replace(noise, B=Coefficient()) for name, noise in exported.noise.axes.items()}
     return replace(exported, noise=replace(exported.noise, axes=axes))
-
-
-def power_cycled(exported, sensors=("accelerometer", "gyroscope")):
-    """Return the device with biases of three power cycles, and their deviation, 0.01 SI on x."""
-    effect = TurnOnBias(3)
-    values = dict.fromkeys(effect.parameters, 0.0) | {"s2x": 0.01, "s3x": 0.0, "s2z": 2e-3}
-    for name in sensors:
-        effects = (*exported.sensor(name).effects, FittedEffect(effect, values, {}))
-        exported = with_sensor(exported, name, effects=effects)
-    return exported
 
 
 def turning_device(board=None, accelerometer=None):

@@ -132,11 +132,8 @@ def corrects_as(tool, found, board, effects, held=(COLD, WARM), sensors=SENSORS)
 def test_the_same_calibrated_samples_but_for_what_it_does_not_carry(tool):
     # a reference outside the data too
     hot = fitted(BiasTemperature(3, 80.0), (5e-3, 1e-5, 1e-6))
-    for board, effects in (
-        (warm_device(), BIAS),
-        (warm_device(accelerometer=(hot,)), BIAS),
-        (device(), ()),
-    ):
+    warm = warm_device(), warm_device(accelerometer=(hot,))
+    for board, effects in ((warm[0], BIAS), (warm[1], BIAS), (device(), ())):
         found = tool.load(tool.format.text(board))
         corrects_as(tool, found, board, effects)
 

@@ -24,7 +24,6 @@ from export.devices import (
     N,
     device,
     of_calibrated,
-    power_cycled,
     turning_device,
     with_sensor,
     without_flicker,
@@ -182,10 +181,3 @@ def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(form):
             assert (bound >= (1 - 1e-9) * own[axis] ** 2).all(), axis
     # flicker stands far above white noise and walk of this gyroscope alone
     assert found["gyr_n"] > 1.3 * WORST["gyr_n"]
-
-
-@FORMATS
-def test_a_bias_that_differs_between_power_cycles_says_where_a_filter_begins(form):
-    text = form.text(power_cycled(device()))
-    assert text.count("turn-on bias over power cycles 0.01, 0, 0.002 ") == 2
-    assert "turn-on bias" not in form.text(device())

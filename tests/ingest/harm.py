@@ -6,6 +6,19 @@ import pandas as pd
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from ingest.logs import ALL, FORCE, RATE, increments, poses, swaying
 
+NAMES = {"ALL": ALL, "FORCE": FORCE, "RATE": RATE}
+
+
+def harmed(log, harm):
+    """Return a log that is changed by functions of this module, {name: arguments}."""
+    for name, arguments in harm.items():
+        given = [NAMES.get(x, x) if isinstance(x, str) else x for x in arguments]
+        # a harm that is done again has a number after its name
+        changed = globals()[name.partition(" ")[0]](log, *given)
+        log = log if changed is None else changed
+    return log
+
+
 # --- values
 
 
@@ -251,3 +264,17 @@ def unpadded(log, rate, start, digits=9):
     else:
         text = (pd.Timestamp("2024-11-18") + pd.to_timedelta(ns // 10**9, "s")).astype(str)
     return log.assign(t=text + "." + part.astype(str))
+
+
+def since(log, start):
+    """Write whole ns since some time before the log."""
+    return log.assign(t=np.rint((log.t + start) * 1e9).astype("int64"))
+
+
+def of_ios(log):
+    """Turn the sign of a force that was written in g with six digits."""
+    log[FORCE] = -np.round(log[FORCE] / -STANDARD_GRAVITY, 6) * STANDARD_GRAVITY
+
+
+def renamed(log, names):
+    return log.rename(columns=names)

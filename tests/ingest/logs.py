@@ -54,6 +54,13 @@ def brief(rows=500):
     return log
 
 
+def at_rate(kind, rate):
+    """Six poses, or 300 samples at rest, of the same device at another rate."""
+    more = {"poses": 6} if kind == "multi_position" else {"duration_s": max(30.0, 300 / rate)}
+    log = simulated(kind, 3, example_truth(rate=rate), **more)
+    return log.assign(t=np.arange(len(log)) / rate)
+
+
 def swaying(about=None):
     """200 s, turned to and fro about x and z by the true time, or by the times that are given."""
     t = np.arange(20_000) / 100 if about is None else about

@@ -11,7 +11,6 @@ from ingest import harm, logs
 from ingest.figures import check_figures
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
-NAMES = {"ALL": logs.ALL, "FORCE": logs.FORCE, "RATE": logs.RATE}
 KEYS = {"log", "harm", "says", "reason", "drops", "within", "figures", "declared"}
 
 
@@ -23,22 +22,16 @@ def each_log():
             yield pytest.param(log, case, id=f"{name}, {log}" if len(several) > 1 else name)
 
 
-def harmed(log, case):
+def harmed_log(log, case):
     """Return the harmed log of a row, with the labels of the rows of the sound log."""
     name, arguments = (log, ()) if isinstance(log, str) else next(iter(log.items()))
-    table = getattr(logs, name)(*arguments)
-    for name, arguments in case.get("harm", {}).items():
-        given = [NAMES.get(x, x) if isinstance(x, str) else x for x in arguments]
-        # a harm that is done again has a number after its name
-        changed = getattr(harm, name.partition(" ")[0])(table, *given)
-        table = table if changed is None else changed
-    return table
+    return harm.harmed(getattr(logs, name)(*arguments), case.get("harm", {}))
 
 
 @pytest.mark.parametrize(("log", "case"), [*each_log()])
 def test_a_harmed_log_is_named_and_nothing_else(run, log, case):
     assert {*case} <= KEYS
-    table, declared = harmed(log, case), case.get("declared", {})
+    table, declared = harmed_log(log, case), case.get("declared", {})
     kind = {"kind": "static"} if log == "rest" else {}
     samples, quality, *_ = run(table, **kind | declared)
     lines, reason = quality["reasons"] + quality["warnings"], case.get("reason", "")

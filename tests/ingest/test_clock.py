@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from imuloop.core.samples import CHANNELS
-from ingest.logs import brief, example_truth, simulated
+from ingest.logs import brief
 
 SIX = [*CHANNELS]
 
@@ -44,18 +44,6 @@ def test_dates_and_times_of_the_day_are_stamps(log, run, form, start):
         assert len(run(log, time_range=[start[:17] + "59", None]).samples) == 300
 
 
-@pytest.mark.parametrize(
-    ("stamps", "given", "line"),
-    [(None, {"rate": 100, "time_range": ["2024-01-01", None]}, "is a date, but the log's"),
-     (brief().t, {"time_range": ["2024-01-01", "2024-01-02"]}, "is a date, but the log's"),
-     (brief().t, {"time_range": [4, 4]}, "is not before the end"),
-     *((MOMENTS, {"time_range": [text, None]}, f"'{text}' is no ISO 8601 stamp")
-       for text in ("yesterday", "now", "10:00", "NaT", ""))],
-)  # fmt: skip
-def test_a_clock_that_is_declared_wrongly_is_one_line(log, refused, stamps, given, line):
-    refused(line, log.drop(columns="t") if stamps is None else log.assign(t=stamps), **given)
-
-
 def test_a_crop_in_seconds_is_half_open_and_starts_at_zero(log, run):
     log["t"] += 1000
     done = run(log, time_range=[1, 4])
@@ -75,39 +63,6 @@ def test_a_log_without_time_has_the_declared_rate(log, run):
     np.testing.assert_array_equal(done.samples.t, np.delete(np.arange(500), 3) * (1 / 204.8))
     # rows stamped by the declared rate say nothing of it
     assert done.quality["clock"]["drift_ppm"] is None
-
-
-# --- stamps whose unit nobody declared: rate, kind, stamps a second, first stamp, what is declared,
-# what the reason says
-MS, S = "declare units.time: ms", {"units": {"time": "s"}}
-UNDECLARED = [
-    *((rate, "multi_position", 1e3, 0, {}, "1,000 times those of gravity")
-      for rate in (50.0, 100.0, 400.0)),
-    (100.0, "static", 1e3, 0, {}, MS),
-    (1000.0, "multi_position", 1e3, 0.4321, {}, "milliseconds"),
-    (100.0, "static", 1e6, 0, {}, "declare units.time: us"),
-    (100.0, "static", 1e9, 0, {}, "declare units.time: ns"),
-    (1.0, "static", 1, 0, {}, None), (0.2, "static", 1, 1_700_000_000, {}, None),
-    (2.0, "multi_position", 1, 0, {}, None), (10.0, "multi_position", 1, 0, {}, None),
-    (0.1, "static", 1, 0, S, None), (0.1, "static", 1, 0, {"rate": 0.1}, None),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("rate", "kind", "per_second", "first", "declared", "says"), UNDECLARED)
-def test_stamps_that_are_no_seconds_are_rejected(
-    run, rate, kind, per_second, first, declared, says
-):
-    """Protects logs whose unit nobody declared: they ran through, or died later, at 0.1 Hz."""
-    more = {"poses": 6} if kind == "multi_position" else {"duration_s": max(30.0, 300 / rate)}
-    log = simulated(kind, 3, example_truth(rate=rate), **more)
-    log["t"] = first + np.rint(np.arange(len(log)) * per_second / rate * 1e3) / 1e3
-    found = run(log, kind=kind, **declared).quality
-    if says:
-        assert says in found["reasons"][0]
-        unit = {1e3: "ms", 1e6: "us", 1e9: "ns"}[per_second]
-        assert run(log, kind=kind, units={"time": unit}).quality["reasons"] == []
-    else:
-        assert (found["reasons"], found["rate_hz"]) == ([], pytest.approx(rate))
 
 
 # --- stamps of a host: the sensor's rate, what is lost, and what is only late

@@ -1,7 +1,7 @@
 """One round trip per format: the same small log, written in each, comes back bit by bit.
 
-A new format gets a row in `ROUND_TRIPS`. And what tells a format: its name in the config, a file's
-first bytes, its name.
+A new format gets a row in `round_trips.yaml`. And what tells a format: its name in the config, a
+file's first bytes, its name.
 """
 
 import bz2
@@ -10,14 +10,15 @@ import gzip
 import io
 import json
 import re
-import zipfile
-from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
+from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from backports import zstd
 
 from imuloop import config_model
@@ -33,22 +34,9 @@ from imuloop.ingest.formats import (
 )
 from imuloop.ingest.stamps import stamp_values
 from ingest import written
+from ingest.phone_forms import zipped
 
 SIX = [*CHANNELS]
-
-
-@dataclass(frozen=True)
-class RoundTrip:
-    """A way to write a log, and the loss by it.
-
-    `write(folder, stamps, values)` returns the path, or {role: path}; stamps are given in ns, and
-    kept as `stamps` of them; values, force first, (n, 6), are kept as `values` of them.
-    """
-
-    write: object
-    stamps: object = np.asarray
-    values: object = np.asarray
-    declared: dict = field(default_factory=dict)
 
 
 def seconds(ns):
@@ -91,13 +79,17 @@ AWKWARD = """
 TEXTS = [(AWKWARD * 2)[i % len(AWKWARD) :][:6] for i in range(300)]
 
 
-def text(folder, stamps, rows, pack=None, ending="csv", name="timestamp_ns", **dialect):
+PACKED = {"gz": gzip.compress, "bz2": bz2.compress, "zst": zstd.compress}
+
+
+def text(folder, stamps, rows, ending="csv", name="timestamp_ns", **dialect):
     file = io.StringIO(newline="")
     writer = csv.writer(file, **dialect)
     writer.writerow([name, *SIX])
     writer.writerows([[stamp, *row] for stamp, row in zip(stamps.tolist(), rows, strict=True)])
     content = file.getvalue().encode()
-    (folder / f"log.{ending}").write_bytes(pack(content) if pack else content)
+    pack = PACKED.get(ending[4:], bytes)
+    (folder / f"log.{ending}").write_bytes(pack(content))
     return folder / f"log.{ending}"
 
 
@@ -132,21 +124,17 @@ def imu_tk(folder, stamps, values):
     return paths
 
 
-def zipped(folder, members):
-    with zipfile.ZipFile(folder / "log.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    return folder / "log.zip"
-
-
-def phyphox(folder, stamps, values, **how):
-    return zipped(folder, written.phyphox(frame(seconds(stamps), values), **how))
+def phyphox(folder, stamps, values, exact=False):
+    how = {"write": repr} if exact else {}
+    zipped(path := folder / "log.zip", written.phyphox(frame(seconds(stamps), values), **how))
+    return path
 
 
 def sensor_logger(folder, stamps, values):
     log = frame(seconds(stamps), values)
     named = {"TotalAcceleration": SIX[:3], "Gyroscope": SIX[3:]}
-    return zipped(folder, written.sensor_logger(log, named, stamps=stamps.tolist()))
+    zipped(path := folder / "log.zip", written.sensor_logger(log, named, stamps=stamps.tolist()))
+    return path
 
 
 # --- arrays
@@ -185,18 +173,20 @@ def netcdf(folder, stamps, values, kind="f8", variant="NETCDF4"):
     return folder / "log.nc"
 
 
-def matlab(folder, stamps, values, save=written.matlab_5, kind=np.asarray, turned=False):
-    values = kind(values)
+def matlab(folder, stamps, values, save, kind, turned=False):
+    values = VALUES[kind](values) if kind[0] != "f" else values.astype(kind)
     three = values[:, :3], values[:, 3:]
     acc, gyro = (x.T if turned else x for x in three)
-    save(folder / "log.mat", {"t": stamps, "acc": acc, "gyro": gyro})
+    getattr(written, save)(folder / "log.mat", {"t": stamps, "acc": acc, "gyro": gyro})
     return folder / "log.mat"
 
 
-def arrays(folder, stamps, values, save=np.savez, turned=False):
+def arrays(folder, stamps, values, save="savez", turned=False):
     three = values[:, :3], values[:, 3:]
     acc, gyro = (x.T if turned else x for x in three)
-    save(folder / "log.npz", stamp=stamps, acc=acc, gyro=gyro, rate=100.0, note="still")
+    getattr(np, save)(
+        folder / "log.npz", stamp=stamps, acc=acc, gyro=gyro, rate=100.0, note="still"
+    )
     return folder / "log.npz"
 
 
@@ -226,74 +216,41 @@ def ulog(folder, stamps, values, topic="combined"):
     return written.ulog(folder / "log.ulg", *topics)
 
 
-NUMBERS = dict(f="f4", d="f8", b="i1", B="u1", h="i2", H="u2", i="i4", I="u4", q="i8")
-SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4", 10_000_000))
+KINDS = ("f4", "f8", "i1", "u1", "i2", "u2", "i4", "u8", "i8")
+NUMBERS = dict(f="f4", d="f8", B="u1", i="i4", q="i8")
+SCALED = dict(c=("i2", 100), L=("i4", 10_000_000))
 IMU = "TimeUS,AccX,AccY,AccZ,GyrX,GyrY,GyrZ"
 
 
-def dataflash(folder, stamps, values, code="d", kind=np.asarray):
-    rows = [(t, *row) for t, row in zip(us(stamps).tolist(), kind(values).tolist(), strict=True)]
+def dataflash(folder, stamps, values, code="d"):
+    kind = SCALED.get(code, [NUMBERS.get(code)])[0]
+    kept = VALUES[kind](values).tolist()
+    rows = [(t, *row) for t, row in zip(us(stamps).tolist(), kept, strict=True)]
     (folder / "log.bin").write_bytes(written.binary(("IMU", ("Q" + 6 * code, IMU), rows)))
     return folder / "log.bin"
 
 
-def dataflash_rows():
-    for code in "fdBiqcL":
-        kind, scale = SCALED.get(code) or (NUMBERS[code], 1)
-        kept = as_type(kind) if kind[0] == "f" else whole(kind)
-        # the float64 nearest to the quotient
-        write = partial(dataflash, code=code, kind=kept)
-        yield f"dataflash, {code}", RoundTrip(write, us, lambda x, k=kept, s=scale: k(x) / s)
-
-
+# what is kept of stamps and values, by names in `round_trips.yaml`, and by types and codes
 EXPONENT = as_text("{:.9E}".format)
-ROUND_TRIPS = {
-    **{f"csv, {s!r}": RoundTrip(partial(numbers, delimiter=s)) for s in ",;\t| "},
-    **{f"csv, {s!r}, decimal commas": RoundTrip(partial(numbers, delimiter=s, decimal=","))
-       for s in ";\t "},
-    **{f"csv.{end}": RoundTrip(partial(numbers, pack=pack, ending=f"csv.{end}"))
-       for end, pack in (("gz", gzip.compress), ("bz2", bz2.compress), ("zst", zstd.compress))},
-    **{f"csv, awkward numbers, {how}": RoundTrip(partial(awkward, **dialect),
-                                                 values=lambda _: as_text(str)(TEXTS))
-       for how, dialect in (("commas", {}), ("blanks", {"delimiter": " "}),
-                            ("quoted", {"quoting": csv.QUOTE_ALL}))},
-    "csv, decimal stamps": RoundTrip(decimal_stamps, seconds),
-    "euroc": RoundTrip(euroc),
-    "euroc, its table": RoundTrip(partial(euroc, name="data.csv")),
-    "imu_tk": RoundTrip(imu_tk, seconds),
-    "phyphox": RoundTrip(partial(phyphox, write=repr), seconds),
-    "phyphox, ten digits": RoundTrip(phyphox, lambda t: EXPONENT(seconds(t)), EXPONENT),
-    "sensor logger": RoundTrip(sensor_logger),
-    **{f"parquet, {packing}, {kind}": RoundTrip(partial(parquet, kind=kind, packing=packing),
-                                                values=as_type(kind))
-       for packing, kind in ((None, "f4"), ("snappy", "f8"), ("brotli", "f8"))},
-    **{f"feather, {packing}, {kind}": RoundTrip(partial(feather, kind=kind, packing=packing),
-                                                values=as_type(kind))
-       for packing, kind in (("uncompressed", "f4"), ("lz4", "f8"), ("zstd", "f8"))},
-    **{f"npy, {order}{kind}": RoundTrip(partial(records, kind=kind, order=order),
-                                        values=as_type(kind))
-       for order in "<>" for kind in ("f4", "f8")},
-    **{f"{save.__name__}, turned {turned}": RoundTrip(partial(arrays, save=save, turned=turned))
-       for save in (np.savez, np.savez_compressed) for turned in (False, True)},
-    **{f"json lines, nested {nested}": RoundTrip(partial(json_lines, nested=nested))
-       for nested in (False, True)},
-    **{f"{variant}, {kind}": RoundTrip(partial(netcdf, kind=kind, variant=variant),
-                                       seconds if "CLASSIC" in variant else np.asarray,
-                                       as_type(kind))
-       for variant in ("NETCDF4", "NETCDF3_64BIT_DATA", "NETCDF4_CLASSIC", "NETCDF3_CLASSIC")
-       for kind in ("f4", "f8")},
-    **{f"{save.__name__}, {kind}, turned {turned}": RoundTrip(
-           partial(matlab, save=save, kind=kept, turned=turned), values=kept)
-       for save in (written.matlab_5, written.matlab_7, written.matlab_73)
-       for kind, kept, turned in [("f4", lambda x: x.astype("f4"), True), ("f8", np.asarray, False),
-                                  *((k, whole(k), k == "u2") for k in ("i1", "u2", "i4", "u8"))]},
-    **{f"ros, {kind}": RoundTrip(partial(ros, kind=kind))
-       for kind in ("bag", "bag bz2", "bag lz4", "db3", "db3 message", "db3 file", "mcap",
-                    "mcap storage")},
-    **{f"ulog, {topic}": RoundTrip(partial(ulog, topic=topic), us, as_type("f4"))
-       for topic in ("combined", "single sensors")},
-    **dict(dataflash_rows()),
-}  # fmt: skip
+STAMPS = {"ns": np.asarray, "us": us, "s": seconds, "s, ten digits": lambda t: EXPONENT(seconds(t))}
+VALUES = {"ten digits": EXPONENT, "texts": lambda _: as_text(str)(TEXTS)}
+VALUES |= {kind: as_type(kind) if kind[0] == "f" else whole(kind) for kind in KINDS}
+VALUES |= {code: VALUES[kind] for code, kind in NUMBERS.items()}
+# the float64 nearest to the quotient
+VALUES |= {code: lambda x, k=k, s=s: VALUES[k](x) / s for code, (k, s) in SCALED.items()}
+ROUND_TRIPS = yaml.safe_load(Path(__file__).with_name("round_trips.yaml").read_text("utf-8"))
+
+
+def each_way():
+    """Yield each writer with its options, and what is kept of stamps and values."""
+    for name, way in ROUND_TRIPS.items():
+        each = way.get("each", {})
+        for values in product(*each.values()):
+            options = dict(zip(each, values, strict=True)) | way.get("with", {})
+            kept = way.get("values") or options.get("kind") or options.get("code", "f8")
+            write = partial(globals()[way["write"]], **options)
+            more = STAMPS[way.get("stamps", "ns")], VALUES[kept]
+            yield pytest.param(write, *more, id=f"{name} {options or ''}")
 
 
 @pytest.fixture(scope="module")
@@ -309,20 +266,20 @@ def hard():
     return 1_700_000_000_123_456_789 + np.cumsum(steps), values
 
 
-@pytest.mark.parametrize("way", ROUND_TRIPS.values(), ids=ROUND_TRIPS)
-def test_every_bit_comes_back(hard, tmp_path, way):
+@pytest.mark.parametrize(("write", "stamps_kept", "values_kept"), [*each_way()])
+def test_every_bit_comes_back(hard, tmp_path, write, stamps_kept, values_kept):
     """Protects all values of a log: none is rounded, cut off, or read as another type's."""
     stamps, values = hard
-    path = way.write(tmp_path, stamps, values)
+    path = write(tmp_path, stamps, values)
     paths = path if isinstance(path, dict) else {"log": path}
-    _, read = find_format(way.declared.get("format"), paths)
+    _, read = find_format(None, paths)
     table = read(paths, None).batch
     read = np.column_stack([table[name] for name in SIX])
     assert read.dtype == float
-    np.testing.assert_array_equal(read.view("u8"), way.values(values).astype(float).view("u8"))
+    np.testing.assert_array_equal(read.view("u8"), values_kept(values).astype(float).view("u8"))
     found, readable, _ = stamp_values(table["stamp"])
-    assert readable.all() and found.dtype == way.stamps(stamps).dtype
-    np.testing.assert_array_equal(found, way.stamps(stamps))
+    assert readable.all() and found.dtype == stamps_kept(stamps).dtype
+    np.testing.assert_array_equal(found, stamps_kept(stamps))
 
 
 # --- what tells a format

@@ -69,11 +69,17 @@ def test_a_file_that_may_not_be_read_is_a_fault_of_the_machine(path, run, monkey
         run(path)
 
 
-@pytest.mark.parametrize("change", [lambda path: path.write_text("t"), lambda path: path.unlink()])
-def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch, change):
+def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch):
     convert = stage.convert
-    monkeypatch.setattr(stage, "convert", lambda *given: [convert(*given), change(path)][0])
+    monkeypatch.setattr(stage, "convert", lambda *given: [convert(*given), path.unlink()][0])
     assert run(path).quality["reasons"] == ["the file changed while it was read"]
+
+
+def test_the_extra_is_named_where_its_library_is_missing(run, tmp_path, monkeypatch):
+    (tmp_path / "log.bag").write_bytes(b"#ROSBAG V2.0\n")
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(ImuloopError, match=r"needs the package rosbags, .*pip install '\.\[ros\]'"):
+        run(tmp_path / "log.bag")
 
 
 def test_a_full_disk_leaves_the_old_results_and_one_line(path, tmp_path):

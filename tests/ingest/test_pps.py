@@ -93,14 +93,6 @@ def test_the_true_time_comes_back(by_marks, change, within, figures):
     assert done.quality["rate_hz"] == pytest.approx(100, rel=1e-7)
     assert (done.metadata["units"]["time"], done.metadata["start"]) == ("us, by 1PPS", None)
     assert done.quality["warnings"][0].startswith("t is GNSS time through ")
-    if figures is FIGURES:
-        c, t = marks.to_numpy(float).T
-        k = np.clip(np.searchsorted(c, log.t, side="right") - 1, 0, len(c) - 2)
-        away, step = log.t - c[k], c[k + 1] - c[k]
-        error = (t[k + 1] - t[k]) - step * 1e-6
-        expected = t[k] + away * 1e-6 + error * away / step
-        # numbers of six digits before the point keep ten behind it
-        np.testing.assert_allclose(done.samples.t, expected - expected[0], rtol=0, atol=2e-10)
 
 
 @pytest.mark.parametrize("in_log", [False, True])
@@ -132,8 +124,7 @@ def test_marks_may_be_of_a_week_that_ends_or_dates(by_marks):
 
 @pytest.mark.parametrize(
     ("change", "line", "declared"),
-    [(lambda t, m: (t, m.assign(gnss=m.gnss * 1e-3)), "no two fit together", None),
-     (lambda t, m: (t, m.assign(counter=m.counter * 10)), "no two fit together", None),
+    [(lambda t, m: (t, m.assign(counter=m.counter * 10)), "no two fit together", None),
      (lambda t, m: (t, m.assign(counter=m.counter + 10**12)), "share no time", None),
      (lambda t, m: (t, m[:1]), "of 1 marks no two fit together", None),
      (lambda t, m: (inside(t, m)[0].assign(pps_us=np.nan),), "the log holds no marks", None),
@@ -142,9 +133,7 @@ def test_marks_may_be_of_a_week_that_ends_or_dates(by_marks):
      (lambda t, m: (t.assign(pps_us=0),), r"pps\.time: no column 'gnss_s'; there are t, ax", {}),
      (lambda t, m: (t, m), r"pps\.counter: no column 'c'; there are counter, gnss",
       {"pps": {"counter": "c"}}),
-     (lambda t, m: (t.drop(columns="t"), m), "pps: the log has no time column", {"rate": 100}),
-     (lambda t, m: (t.assign(t=pd.Timestamp("2024-02-29") + pd.to_timedelta(t.t, "us")), m),
-      "stamps are dates, not a local counter", {})],
+     (lambda t, m: (t.drop(columns="t"), m), "pps: the log has no time column", {"rate": 100})],
 )  # fmt: skip
 def test_marks_that_do_not_fit_are_one_line(by_marks, change, line, declared):
     """What is `declared` wrongly is an error; else the log is rejected."""

@@ -7,29 +7,20 @@ from scipy.signal import lfilter
 
 from bench.realistic.device import record
 from imuloop.core.samples import CHANNELS
-from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
+from imuloop.simulate.truth import Disturbance, Vibration, read_truth
 from ingest.harm import in_packets, later
 from ingest.logs import ALL, poses, rest, simulated
 
+DISTURBANCES = (Disturbance("knock", 50, 4),)
 VIBRATION = Vibration(0.5, (0.05, 0.8), (12, 45))
+SOUND = [("example", "multi_position", {"poses": 12}), ("iphone_6", "six_position", {}),
+         ("iphone_6", "multi_position", {"poses": 12, "vibration": VIBRATION}),
+         ("example", "static", {"duration_s": 300.0, "disturbances": DISTURBANCES})]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("truth", "kind", "changed"),
-    [
-        ("example", "multi_position", {"poses": 12}),
-        ("iphone_6", "multi_position", {"poses": 12, "vibration": VIBRATION}),
-        ("iphone_6", "six_position", {}),
-        (
-            "example",
-            "static",
-            {"duration_s": 300.0, "disturbances": (Disturbance("knock", 50, 4),)},
-        ),
-    ],
-)
+@pytest.mark.parametrize(("truth", "kind", "changed"), SOUND)
 def test_a_sound_log_has_no_line(repository, run, truth, kind, changed):
-    file = repository / f"data/replicas/{truth}.yaml"
-    truth = example_truth() if truth == "example" else read_truth(file)
+    truth = read_truth(repository / f"data/replicas/{truth}.yaml") if truth != "example" else None
     found = run(simulated(kind, 900, truth, **changed), kind=kind).quality
     assert (found["reasons"], found["warnings"]) == ([], [])
 

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import http.server
-import socket
 import sys
 import threading
 import zipfile
@@ -15,6 +14,8 @@ from imuloop.ingest.sources import fetch
 
 CONTENT = b"t,ax\n0,1\n" * 1000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
+# no server listens at this port
+CLOSED = "http://127.0.0.1:9"
 MEMBER = "tiny_recordings/data/log.csv"
 
 
@@ -38,14 +39,6 @@ def server(tmp_path):
 
 
 @pytest.fixture
-def closed():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    return f"http://127.0.0.1:{port}"
-
-
-@pytest.fixture
 def wheel(tmp_path, monkeypatch):
     """Make a wheel the only thing that pip can find; importing it would fail."""
     folder = tmp_path / "wheels"
@@ -55,14 +48,11 @@ def wheel(tmp_path, monkeypatch):
         archive.writestr("tiny_recordings/__init__.py", "raise RuntimeError('was imported')")
         archive.writestr(MEMBER, CONTENT)
         info = "tiny_recordings-1.0.dist-info"
-        archive.writestr(
-            f"{info}/METADATA",
-            "Metadata-Version: 2.1\nName: tiny-recordings\nVersion: 1.0\n"
-            "Requires-Python: >=99\nRequires-Dist: no-such-package\n",
-        )
-        archive.writestr(
-            f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
+        about = "Metadata-Version: 2.1\nName: tiny-recordings\nVersion: 1.0\n"
+        about += "Requires-Python: >=99\nRequires-Dist: no-such-package\n"
+        archive.writestr(f"{info}/METADATA", about)
+        tags = "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        archive.writestr(f"{info}/WHEEL", tags)
         archive.writestr(f"{info}/RECORD", "")
     # neither the machine's pip settings nor a registry take part
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
@@ -94,13 +84,11 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_file_that_cannot_be_had_is_one_line_and_leaves_nothing(
-    server, closed, wheel, target, name
-):
+def test_a_file_that_cannot_be_had_is_one_line_and_leaves_nothing(server, wheel, target, name):
     changed, line = FAULTS[name]
     source = {"url": f"{server}/log.csv", "sha256": DIGEST} | changed
-    source["url"] = source["url"].format(server=server, closed=closed)
-    with pytest.raises(ImuloopError, match=line.replace("{closed}", closed)) as caught:
+    source["url"] = source["url"].format(server=server, closed=CLOSED)
+    with pytest.raises(ImuloopError, match=line.replace("{closed}", CLOSED)) as caught:
         fetch(source, target)
     assert "\n" not in str(caught.value)
     assert not target.parent.exists() or not list(target.parent.iterdir())
@@ -114,7 +102,7 @@ def test_a_url_is_fetched_whole_and_quietly(server, target, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_mirror_is_taken_by_name_and_hash(server, closed, target, tmp_path):
+def test_a_mirror_is_taken_by_name_and_hash(server, target, tmp_path):
     mirror = tmp_path / "mirror"
     for folder, content in (("a", b"other"), ("b/c", CONTENT)):
         (mirror / folder).mkdir(parents=True)
@@ -123,7 +111,7 @@ def test_a_mirror_is_taken_by_name_and_hash(server, closed, target, tmp_path):
     (mirror / "b" / "up").symlink_to(mirror)
     (mirror / "b" / "c" / "self").symlink_to(mirror / "b" / "c")
     (mirror / "a" / "nowhere").symlink_to(mirror / "none")
-    fetch({"url": f"{closed}/log.csv", "sha256": DIGEST}, target, mirror)
+    fetch({"url": f"{CLOSED}/log.csv", "sha256": DIGEST}, target, mirror)
     assert target.read_bytes() == CONTENT and not target.is_symlink()
     # another version in it is not taken
     target.unlink()

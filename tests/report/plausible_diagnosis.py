@@ -11,27 +11,18 @@ from imuloop.core.tables import joined
 from imuloop.diagnose.tables import MOVES, no_tables, poses_table
 from imuloop.report.findings import UNTESTED
 
-OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-GAIN = "rad/s per m/s^2"
 # held-out errors before and after, and floor, SI
 SIZES = {
     "gravity_norm": (1.6e-3, 1.6e-3, 1.5e-3),
     "pose_rate": (2.4e-3, 2e-4, 1.8e-4),
     "rotation": (9.1e-3, 2.4e-3, 2.1e-3),
 }
-WORKS = "lowers the residual in the fit and on held-out poses"
-TWIN = "in these data it could stand in for g_sensitivity: neither adds to the other"
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 def residual(unit, before, after, floor, n=24):
     found = {"unit": unit, "n": n, "floor": floor, "before": before, "after": after}
     return found | {"chi2_before": (before / floor) ** 2, "chi2_after": (after / floor) ** 2}
-
-
-def _candidate(name, status, why, p=None, kind=None, after=None, limits=None, unit=None, twin=None):
-    found = {"name": name, "status": status, "why": why, "p_value": p, "residual": kind}
-    found |= {"heldout_after": after, "detection_limit": limits, "confounded_with": twin}
-    return found | {"units": dict.fromkeys(limits or {}, unit)}
 
 
 def _axes(stem, size):
@@ -50,53 +41,6 @@ def _effect(name, values, unit, p, kind, before, after, constants=None):
         "heldout_before": before,
         "heldout_after": after,
         "ratio_ci95": [0.8 * after / before, 1.2 * after / before],
-    }
-
-
-def pose_diagnosis(gain):
-    """Return a diagnosis of poses: accelerometer consistent, gyroscope explained by two effects.
-
-    `gain` are the parameters of g_sensitivity.
-    """
-    c, norm, rate = _candidate, "gravity_norm", "pose_rate"
-    drift, si = "rad/s per s", "m/s^2"
-    warm = c("bias_temperature", "not_available", "no <b>temperature</b>")
-    cubic = _axes("K3", 2.6e-7), f"{si} per ({si})^3"
-    square = _axes("K2", 1e-5), f"{si} per ({si})^2"
-    earth = {"w_up": 2e-4}, "rad/s", "g_sensitivity"
-    force = [
-        warm,
-        c("lever_arm", "not_observable", "turns from rest to rest do not show it"),
-        c("cubic", "rejected", "does not fall for certain", 1e-3, norm, 3.1e-3, *cubic),
-        c("quadratic", "rejected", "no more than chance", 0.21, norm, 1.9e-3, *square),
-    ]
-    turn = [
-        c("earth_rate", "confounded", TWIN, 1e-4, rate, 1.9e-3, *earth),
-        warm,
-        c("bias_drift", "added", WORKS, 1e-6, rate, 1.8e-3, _axes("d", 2e-8), drift),
-        c("g_sensitivity", "added", WORKS, 1e-12, rate, 5e-4, dict.fromkeys(gain, 2e-5), GAIN),
-    ]
-    units = {norm: si, rate: "rad/s", "rotation": "rad"}
-    residuals = {name: residual(unit, *SIZES[name]) for name, unit in units.items()}
-    return {
-        "accelerometer": {
-            **UNTESTED,
-            "verdict": "consistent",
-            "residuals": {norm: residuals.pop(norm)},
-            "candidates": force,
-            "confounded": [{"effect": "quadratic", "with": "asymmetry", "share": 0.9964}],
-        },
-        "gyroscope": {
-            **UNTESTED,
-            "verdict": "explained",
-            "residuals": residuals,
-            "effects": [
-                _effect("g_sensitivity", gain, GAIN, 1e-12, rate, 2.4e-3, 5e-4),
-                _effect("bias_drift", _axes("d", 8e-7), drift, 1e-6, rate, 5e-4, 2e-4),
-            ],
-            "candidates": turn,
-            "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": 0.97}],
-        },
     }
 
 

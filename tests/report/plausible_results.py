@@ -5,11 +5,13 @@
 """
 
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+import yaml
 
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, Coefficient
@@ -26,9 +28,10 @@ from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.spectrum import no_spectrum
 from imuloop.report.findings import UNTESTED
 from imuloop.validate.attitude import no_attitude
-from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
+from report.plausible_diagnosis import pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_spectra, statistics
 
+MADE = yaml.safe_load(Path(__file__).with_name("plausible.yaml").read_text("utf-8"))
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
 DEVICES = {
     "board": ("Board A", {"long": "static", "faces": "six_position", "turns": "multi_position"}),
@@ -89,29 +92,12 @@ def _session(folder, device, session, kind, rng):
         "reasons": reasons if rejected else [],
         "rows": len(t),
         "duration_s": t[-1] if len(t) else 0.0,
-        "rate_hz": RATE,
         "warnings": ["1 gap, 20 s together <i>"] if kind == "static" else [],
-        "misdeclared": False,
         "simulated": warm,
-        "start": None,
-        "log_format": "csv",
-        "units": {},
-        "clock": None,
-        "temperature_range": None,
-        "constant": [],
-        "faults": {},
-        **dict.fromkeys(
-            ("duplicates", "identical", "out_of_order", "bad_lines", "outside_time_range"), 0
-        ),
-        "spiked": 0,
         "source": {"log": {"path": f"{session}.csv"}},
-        "spike_values": dict.fromkeys(CHANNELS, 0),
         "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
-        "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
-        "non_finite": 3,
-        "clipped": dict.fromkeys(CHANNELS, None),
     }
-    write_json(path / "quality.json", quality)
+    write_json(path / "quality.json", MADE["quality"] | quality)
     allan = _allan(list(DEVICES).index(device))
     if rejected or kind != "static":
         allan = allan[:0]
@@ -206,14 +192,15 @@ def _device(folder, device, sessions, rng):
     poses = {"accelerometer": untested, "gyroscope": untested}
     tables = no_tables()
     if device == "board":
-        gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
+        poses = {sensor: UNTESTED | block for sensor, block in MADE["poses"].items()}
+        gain = poses["gyroscope"]["effects"][0]["parameters"]
         effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 2e-6))
         faces = _fitted(UNIT_A, UPPER + BASE, "six_position", seed=3)
         six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, BASE[3:], "static"))
         force, turn = _fitted(UNIT_A, UPPER + BASE, seed=1), _fitted(UNIT_G, FULL + BASE, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
         final = replace(multi, gyroscope=replace(turn, effects=(effect,), verdict="unexplained"))
-        poses, tables = pose_diagnosis(gain), pose_tables(folder, rng)
+        tables = pose_tables(folder, rng)
     elif device in ("still", "partly"):
         multi = final = replace(six, gyroscope=_fitted(UNIT_G, BASE[3:], "static", seed=4))
     records = [name for name, kind in sessions.items() if kind == "static"]

@@ -112,21 +112,9 @@ def test_a_longer_record_is_asked_for_in_hours(good, step):
     assert step(noise=limited).startswith("Nothing needed")
 
 
-def test_a_first_session_is_as_long_as_the_readme_says(good, step, repository):
+def test_a_first_session_is_asked_for_as_the_readme_has_it(good, step):
     said = step(sessions=good().sessions[1:])
     assert said.startswith("Record a multi_position session: 50 s at rest, then about 40 rests")
-    readme = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
-    assert "50 s" in readme and "about 40 attitudes" in readme
-
-
-@pytest.mark.parametrize("count", [0, 11, 12])
-def test_a_session_of_few_poses_is_no_first_session(good, step, count):
-    # without a rest there is no noise, and without noise nothing is planned
-    path, up = good().sessions[0].samples_path, fibonacci_lattice(40)[:count]
-    moved = session("walk", "multi_position", path, up)
-    said = step(sessions=(moved,), noise={}, diagnosis={})
-    assert said.startswith("Record a multi_position session") == (count < 12)
-    assert "Nothing needed" not in said
 
 
 def test_a_rejected_session_comes_first_and_a_wrong_declaration_before_all(step):
@@ -153,10 +141,8 @@ def test_what_is_unexplained_is_said_with_its_floor(step):
     block = above("rotation", "rad", 4e-3, 1e-3)
     assert "error is 0.23°, its floor 0.057°." in step(diagnosis=diagnosis(gyroscope=block))
     # no larger than the Earth's rate
-    for after, earth in ((8e-5, True), (9e-5, False)):
-        block = above("pose_rate", "rad/s", after, 4e-5)
-        said = step(diagnosis=diagnosis(gyroscope=block))
-        assert ("horizontal rate of the Earth" in said) == earth
+    block = above("pose_rate", "rad/s", 8e-5, 4e-5)
+    assert "horizontal rate of the Earth" in step(diagnosis=diagnosis(gyroscope=block))
 
 
 def test_an_error_of_the_poses_comes_before_its_trace_in_motion(step):

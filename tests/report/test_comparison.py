@@ -21,19 +21,6 @@ def summaries(results):
     }
 
 
-def test_a_device_is_answered_in_a_line(summaries):
-    said = {place: (verdict, words) for place, verdict, words in summaries["board"]["answers"]}
-    assert said["accelerometer"] == ("consistent", "as good as its noise allows")
-    words = "as good as its noise allows with g-sensitivity and bias drift corrected"
-    assert said["gyroscope"] == ("explained", words)
-    words = "something is missing that no known effect explains"
-    assert said["gyroscope at rest"] == ("unexplained", words)
-    said = {place: (verdict, words) for place, verdict, words in summaries["still"]["answers"]}
-    verdict, words = said["gyroscope at rest"]
-    assert verdict == "partly_explained" and words.endswith("not tested at poses")
-    assert [verdict for _, verdict, _ in summaries["nothing"]["answers"]] == ["not_testable"] * 2
-
-
 def test_a_filter_gets_the_worst_axis_or_its_limit_raised_for_the_flicker(summaries, results):
     calibration = Calibration.from_json(results / "still" / "calibration.json")
     noise = NoiseModel.from_json(results / "still" / "noise.json")
@@ -69,15 +56,6 @@ def test_misalignments_are_those_that_were_estimated(summaries, results):
     assert float(row["accelerometer_misalignment_yz [rad]"]) == sensor["T"][1][2]
     assert row["accelerometer_misalignment_zx [rad]"] == ""
     assert "gyroscope_K_upper95 [rad/s^2/sqrt(Hz)]" in row
-
-
-def test_a_limit_above_every_value_is_the_worst():
-    def row(axis, value, upper95=None):
-        return Value("gyroscope", "logged", "K", axis, value, None, "1", upper95)
-
-    rows = [row("x", 1.0), row("y", None, 0.5), row("z", None, 2.0)]
-    assert worst(rows) == (rows[0], rows[2])
-    assert worst(rows[:2]) == (rows[0], None) and worst([]) == (None, None)
 
 
 def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):

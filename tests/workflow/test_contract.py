@@ -1,8 +1,6 @@
 """Every result file of a run, as users and tools rely on them; JSON files by their schemas."""
 
-import csv
 import json
-import re
 
 import numpy as np
 import pandas as pd
@@ -184,22 +182,3 @@ def test_the_attitude_has_a_series_of_each_model(folder):
     for found in content.get("methods", {}).values():
         assert set(found["models"]) == {"raw", "base", "final"} == set(series["model"])
         assert found["ratio_ci95"][0] <= found["base_over_final"] <= found["ratio_ci95"][1]
-
-
-def test_comparison_has_a_row_per_device_and_units_in_its_header(finished_run):
-    with open(finished_run[0] / "results/comparison.csv", encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["device"] for row in rows] == ["posed", "resting"]
-    unitless = re.compile("device|label|status|why|simulated|.*_verdict")
-    for name in rows[0]:
-        assert unitless.fullmatch(name) or re.search(r" \[[^\]]+\]$", name), name
-        values = [row[name] for row in rows if row[name]]
-        assert unitless.fullmatch(name) or np.isfinite(np.array(values, float)).all(), name
-
-
-def test_the_readme_of_the_exports_lists_its_files(finished_run):
-    exports = finished_run[0] / "results/posed/exports"
-    names = {path.name for path in exports.glob("[!.]*")}
-    listed = re.findall(r"^(\S+\.\w+)(: | \()", (exports / "README.txt").read_text(), re.M)
-    assert {name for name, mark in listed if mark == ": "} == names - {"README.txt"}
-    assert {"kalibr_imu.yaml", "imu_tk_gyro.calib"} <= names

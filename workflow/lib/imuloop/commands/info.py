@@ -28,6 +28,7 @@ from imuloop.report.results import XYZ, DeviceResults
 from imuloop.report.tables import (
     coefficient_table,
     constants_text,
+    misalignment_table,
     parameter_rows,
     parameter_table,
     quality_figures,
@@ -90,10 +91,12 @@ def calibration_lines(calibration):
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
     for sensor in SENSORS:
-        own, table = getattr(calibration, sensor), parameter_table(device, sensor)
-        lines.append(f"{sensor}: value ± 1 σ; raw unit {own.raw_unit.name}")
+        own = getattr(calibration, sensor)
+        lines.append(f"{sensor}: raw unit {own.raw_unit.name}")
         lines += [f"  not determined: {own.not_testable}"] if own.not_testable else []
-        lines += aligned(table.rows) if table else []
+        tables = parameter_table(device, sensor), misalignment_table(device, sensor)
+        for table in filter(None, tables):
+            lines += [f"  {table.caption}", *aligned([table.columns, *table.rows], indent=4)]
         if sensor in calibration.updated:
             lines.append(f"  bias of a later log: {calibration.updated[sensor]}")
         for effect in own.effects:

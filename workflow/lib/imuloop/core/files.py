@@ -25,12 +25,12 @@ def replaced(path):
     it. Raises a MachineFault if the disk is full.
     """
     # of a link the file is replaced that it leads to
-    path = Path(path).resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.partial")
+    target = Path(path).resolve()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name}.partial")
     try:
         yield temporary
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:
         if error.errno not in _FULL:
             raise
