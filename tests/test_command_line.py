@@ -296,8 +296,9 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(command) == 0
     shown = capsys.readouterr().err
-    assert "ingest multi_position_1" in shown and " 0 of 5 steps done" in shown
+    assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
     assert shown.index("segment: ") < shown.index("diagnose: ")
+    assert (tmp_path / "out/multi_position_1/allan.parquet").is_file()
 
 
 LONG = "--columns.time tick --columns.acceleration fx,ay,az --units.time ms"

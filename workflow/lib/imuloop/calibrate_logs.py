@@ -130,8 +130,8 @@ def calibrate(
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
-    # only pictures need Allan curves, and compute them
-    todo = [stage for stage in chain.stages() if stage is not chain.allan]
+    # a folder that is removed gets Allan curves only when a picture needs them
+    todo = [stage for stage in chain.stages() if folder or stage is not chain.allan]
     count = len(logs) + len(todo)
     # the time that is left is not known: stages differ
     shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
