@@ -49,6 +49,8 @@ def run(argv=None):
             help=words.partition(": ")[2].rstrip("."),
             epilog=epilog,
             usage="%(prog)s ARGUMENTS [OPTIONS]",
+            # a key that is cut short is a mistake
+            allow_abbrev=False,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.add(command)
@@ -59,7 +61,7 @@ def run(argv=None):
     status = 0
     try:
         try:
-            arguments = parser.parse_args(expand_shorthands(argv))
+            arguments = _parse(parser, argv)
             with read_in(COMMAND_LINE):
                 _check_keys(parser, arguments)
                 status = _status(arguments)
@@ -70,6 +72,14 @@ def run(argv=None):
         # whoever reads the lines has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
+
+
+def _parse(parser, argv):
+    """Return the parsed arguments of the words `argv`; end with 2 if a shorthand is wrong."""
+    try:
+        return parser.parse_args(expand_shorthands(argv))
+    except ImuloopError as error:
+        parser.error(str(error))
 
 
 def _check_keys(parser, arguments):
