@@ -110,10 +110,10 @@ class Modes:
     dt : float
         Interval of the samples, s.
     m : int
-        Samples of a block.
+        Number of samples of a block.
     span, longest_level, usual_level : float
-        Longest power cycle, s; longest time without a new level; and the time without a new level
-        that half of the samples exceed.
+        Length of the longest power cycle, s; longest time without a new level, s; and the usual
+        one, s: half of the samples lie in levels that are longer.
     frequency, count : ndarray, shape (r,)
         Frequency of each row, Hz, and the number of values behind it. The rows are the slow modes
         one by one, and then bins of the fast ones.
