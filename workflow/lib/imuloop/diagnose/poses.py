@@ -26,7 +26,8 @@ from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
 TESTABLE = 12
-# least number of attitudes among these poses, one more than parameters; rad between two attitudes
+# least number of different attitudes among these poses, one more than there are parameters; and the
+# least angle between two different attitudes, rad
 ATTITUDES, APART = 10, 0.17
 # least number of turns between poses for a test of effects of the gyroscope
 TESTABLE_TURNS = 6

@@ -119,7 +119,7 @@ class SizeLikelihood:
         self.largest_squares = (self.prior_sizes + FARTHEST * self.deviations) ** 2
         length = np.linalg.norm(jacobian, axis=0)
         self.jacobian, self.fixed = jacobian / np.where(length > 0, length, 1.0), fixed
-        # (k, n²): a sum over all components is one matrix product
+        # (k, n²): in this shape a sum over all components is one matrix product
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
     def covariance(self, squares):

@@ -87,7 +87,7 @@ class Selection:
         return self._fits[terms]
 
     def noise(self, terms):
-        """Return the AxisNoise with the fitted values of terms, without intervals and without a ramp."""
+        """Return the AxisNoise with the fitted values of terms, without intervals or a ramp."""
         values = dict(zip(variances(terms), np.sqrt(self.fit(terms).theta), strict=True))
         letters = {name: Coefficient(values[name]) for name in values if name in NAMES}
         drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}

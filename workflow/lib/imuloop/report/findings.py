@@ -44,12 +44,13 @@ QUOTED = {
 def block_of(diagnosis, sensor, part):
     """Return the diagnosis of a sensor in one kind of data, with its findings.
 
-    It is the content of diagnosis.json with ``sensor`` and ``part``; ``words``, the effects in
-    words; ``left``, the name of the residual farthest above its floor; ``quoted``, that of the
-    residual that fell most, or ``left`` without effects; ``lacking``, reduced χ² and name of the
-    residual with the largest χ² above 1; ``too_quiet``, name, χ² and p-value of a residual far
-    below its noise; ``undersampled``, what too low a rate adds; ``tried``, whether effects were
-    rejected and the best of them; ``elsewhere``, candidates that other data added.
+    The result is the content of diagnosis.json plus these keys: ``sensor`` and ``part``, the
+    arguments; ``words``, the effects in words; ``left``, the name of the residual farthest above
+    its floor; ``quoted``, the name of the residual that fell most, or ``left`` without effects;
+    ``lacking``, reduced χ² and name of the residual with the largest reduced χ² above 1;
+    ``too_quiet``, name, reduced χ² and p-value of a residual far below its noise; ``undersampled``,
+    the error that too low a sampling rate adds; ``tried``, whether effects were rejected, and the
+    best of them; ``elsewhere``, candidates that were added by other data.
     """
     if sensor == BOTH:
         block = _of_both(*(block_of(diagnosis, each, part) for each in SENSORS))
@@ -96,7 +97,7 @@ def _of_both(force, turn):
 
 
 def residual_names(block):
-    """Return the names of the residuals of a record, those that a user notices first come first."""
+    """Return the names of the residuals of a record, a list that begins with the most visible."""
     first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
     return list(dict.fromkeys([*first, *block["residuals"]]))
 
@@ -104,7 +105,8 @@ def residual_names(block):
 def _largest(block, sizes):
     """Return the name of the residual with the largest ratio of its size to its floor, or None.
 
-    `sizes` are by name, in the unit of the floors.
+    `sizes` is a dict by name of the residual, in the unit of the floors. The result is None without
+    residuals.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
@@ -112,7 +114,7 @@ def _largest(block, sizes):
 
 
 def too_quiet(block):
-    """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
+    """Return name, reduced χ² and p-value of the first residual far below its noise, or None."""
     for name, r in block["residuals"].items():
         chi2 = r["chi2_before"]
         if chi2 is not None and chi2 < FAR_BELOW:
@@ -126,7 +128,8 @@ def too_quiet(block):
 def _tried(block):
     """Return a dict: ``any``, whether an effect was rejected, and ``best``, the most helpful one.
 
-    ``best`` is None unless that effect lowers the held-out error to below `WORTH_A_WORD` of it.
+    ``best`` is None if no rejected effect lowers the held-out error to less than the share
+    `WORTH_A_WORD` of its size without the effect.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -216,7 +219,10 @@ def card(found, loop, calibration=None):
 
 
 def fall(error):
-    """Return the factor by which the correction of effects lowers an error of `loop_errors`."""
+    """Return the factor by which the correction of effects lowers an error of `loop_errors`.
+
+    The factor is 1 if the corrected error is zero.
+    """
     return error["calibrated"] / error["final"] if error["final"] else 1.0
 
 
