@@ -22,10 +22,11 @@ SINGULAR = 1e-9
 def share_on_axes(training_fit, first, second):
     """Return the share of the first effect that the second one imitates, a float from 0 to 1.
 
-    The second effect explains at least this share of the square of the first one, for any
-    parameters of the first. The share is computed on each axis on which the first effect acts, and
-    the least one is returned. `training_fit` is the TrainingFit of the rows; `first` and `second`
-    are Effects with their constants.
+    An effect imitates another one as far as it explains the same rows with other values of its
+    parameters. The second effect explains at least this share of the square of the first one,
+    whatever the parameters of the first. The share is computed on each axis on which the first
+    effect acts, and the least one is returned. `training_fit` is the TrainingFit of the rows;
+    `first` and `second` are Effects with their constants.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
@@ -41,9 +42,9 @@ def imitated_share(training_fit, first, second):
     is ``cos²`` of the largest principal angle between the patterns of both effects, after the
     nuisance parameters, which every fit has, are projected out. The second effect explains at least
     this share of the square of the first one, for any parameters of the first. The share is zero if
-    the second has fewer columns, or if the columns of one effect are linearly dependent. Products
-    of columns are weighted with the inverse of the noise covariance that is likeliest without
-    effects.
+    the second effect has fewer columns than the first, or if the columns of one of the effects are
+    linearly dependent. Products of columns are weighted with the inverse of the noise covariance
+    that is likeliest without effects.
 
     Parameters
     ----------

@@ -167,10 +167,11 @@ def velocity(linearised, rotation, share=None):
     force, u the upward direction at the rest before, and g gravity. The first component of a
     residual is along u, the other two are horizontal. An error of the attitude changes the vertical
     velocity in second order only, and the horizontal velocity by g times the integral of the error.
-    A small rotation φ during the move adds ``φ × v'``, with v' the velocity gained afterwards.
+    A small rotation φ during the move adds ``φ × v'`` to v, where v' is the velocity that the
+    device gains after it.
 
-    The velocity that the residual of the rotation predicts is subtracted, so that the noise of both
-    residuals is independent.
+    Finally the velocity that the residual of the rotation predicts, `share` times this residual, is
+    subtracted, so that the noise of both residuals is independent.
 
     Parameters
     ----------

@@ -105,8 +105,8 @@ def residual_names(block):
 def _largest(block, sizes):
     """Return the name of the residual with the largest ratio of its size to its floor, or None.
 
-    `sizes` is a dict by name of the residual, in the unit of the floors. The result is None without
-    residuals.
+    `sizes` is a dict by name of the residual, in the unit of the floors. If the record lacks
+    residuals, the result is None.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
