@@ -206,13 +206,13 @@ def knocks(recording, gyroscope_bias):
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the velocity that dropped samples of each move may hide, over the noise, (m,).
+    """Return how much velocity dropped samples of each move may hide, relative to the noise, (m,).
 
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
     third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
-    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. The result is the ratio
-    of both errors. `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data sheet),
-    rad/s.
+    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. The result is the first
+    error divided by the second. `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data
+    sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):

@@ -123,8 +123,9 @@ def diagnose_poses(problem, reasons):
     Returns
     -------
     PoseResult
-        By sensor the content of diagnosis.json, the calibration with the added effects, and why it
-        is rejected; the fit, the search, and the columns of residuals.
+        For each sensor the content of diagnosis.json, the calibration with the added effects, and
+        the reason if it is rejected; for both together the fit, the searches and the columns of
+        residuals.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if problem is None:

@@ -130,8 +130,8 @@ def static_candidates(sensor, records):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
     variants, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # variants with a price assume that the thermometer lags. They are for shorter records: hours at
-    # rest show the lag itself
+    # variants with a price assume that the thermometer lags. They are left out: hours at rest show
+    # the lag itself
     return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 

@@ -309,8 +309,9 @@ def is_tilt(jump, level):
     """Return whether a jump of specific force may be a tilt, which keeps its magnitude.
 
     `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
-    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. Three standard
-    errors are allowed. A jump along gravity is not a tilt.
+    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. The jump counts as
+    a tilt if this term is within three standard errors of zero, so a jump along gravity is not a
+    tilt.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)

@@ -51,7 +51,7 @@ def most_promising_step(search, base, earlier=()):
     """Return log p of the step that an axis shows most clearly, the step, and the number of times.
 
     `search` is the Search of static records, which have the means over windows of a rest. Windows
-    close to the `earlier` steps are not tried. The number is that of all times that were tried. The
+    close to the `earlier` steps are not tried. The number counts all times that were tried. The
     step is None if no window is left. `base` has the effects that are in the model, the earlier
     steps included.
     """

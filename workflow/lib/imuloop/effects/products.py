@@ -63,7 +63,7 @@ class Product(Effect):
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
-        # the sign of a power is at its place in `POWERS`; a factor without a sign has the power one
+        # the index of a sign in `POWERS` gives the power; a factor without a sign has the power one
         factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
         if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")

@@ -133,7 +133,7 @@ class Choices(Search):
         return extended, self._error_change(effects, trial, extended)
 
     def _confirm(self, effects, failed):
-        """Test each of some effects with all others in the model, until one fails.
+        """Test each of the `effects` with all others in the model, until one fails.
 
         An effect fails if its addition to the others does not lower the held-out error, or if it
         cannot be estimated next to the others.

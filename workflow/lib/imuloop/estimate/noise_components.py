@@ -211,12 +211,13 @@ class SizeLikelihood:
 
 
 def bounded_step(hessian, gradient, low, high):
-    """Return the step s, (k,), with the smallest ``gᵀ s + sᵀ H s/2`` that is from low to high.
+    """Return the step s, (k,), between `low` and `high`, with the smallest ``gᵀ s + sᵀ H s/2``.
 
-    The method solves for the components within their bounds, with the others at a bound, until the
-    gradient holds exactly these others there. Should it cycle, the last step is clipped. H is the
-    `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and `high`, (k,), may be
-    infinite.
+    The method fixes some components at a bound and solves for the others. Then it fixes all
+    components that are beyond a bound, and frees those that the gradient pushes off their bound.
+    This is repeated until the fixed components no longer change. Should it cycle, the last step is
+    clipped. H is the `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and
+    `high`, (k,), may be infinite.
 
     References
     ----------

@@ -103,9 +103,9 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
 def reference_parameters(diagnosis, qualities):
     """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
 
-    `diagnosis` is the content of diagnosis.json, `qualities` that of each session's quality.json.
-    The time offset is left out if the reference has a clock of its own, as the next recording has
-    another offset.
+    `diagnosis` is the content of diagnosis.json, and `qualities` has the content of quality.json of
+    each session. The time offset is left out if the reference has a clock of its own, as the next
+    recording has another offset.
     """
     own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in qualities)
     return {

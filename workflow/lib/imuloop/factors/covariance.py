@@ -183,10 +183,11 @@ class ResidualCovariance:
         The first axis numbers the three rates, L is the number of all residuals, used by the fit or
         not, and c the number of columns.
 
-        At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
-        of the rest, of duration T. White noise n of density one changes these small rotations by
-        ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the
-        start. The variances of these two rotations are T/3, their covariance is -T/6.
+        If the device tilts in a rest of duration T, the direction of gravity at its start and at
+        its end follows from the mean direction and a small rotation by the gyroscope. White noise n
+        of density one changes these rotations by ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T)
+        ds`` to the start, with the time s since the start of the rest. The variances of both errors
+        are T/3, and their covariance is -T/6.
         """
         rests, first, columns = self.rests, self.moves.first, []
         for k in np.flatnonzero(rests.tilt > 0):

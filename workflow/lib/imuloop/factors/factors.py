@@ -72,8 +72,8 @@ class Factors:
         """Return four arrays, (M,), with a value for each of M residuals of a Recording.
 
         The arrays have the kind of the residual, the index of the rest where the residual starts,
-        the index of the rest where it ends, and whether the fit uses the residual. If
-        the fit uses no residual of velocity, the arrays have none.
+        the index of the rest where it ends, and whether the fit uses the residual. The arrays leave
+        out all velocities if the fit uses none of them.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds

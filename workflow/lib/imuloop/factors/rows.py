@@ -61,9 +61,9 @@ class MoveRows:
     def append_to(self, other, share):
         """Return MoveRows with the rows R of `other`, followed by ``S - share R``, S these rows.
 
-        The subtraction can make the noise of the two parts independent. `other`, MoveRows, has b
-        components per move and does not depend on the force during the move. `share` has the shape
-        (m, a, b).
+        With a suitable `share`, the subtraction makes the noise of the two parts independent.
+        `other`, MoveRows, has b components per move and does not depend on the force during the
+        move. `share` has the shape (m, a, b).
         """
 
         def stack(name, share):

@@ -124,13 +124,14 @@ def mains(frequency, rate):
     """Return the name of the mains harmonic at a frequency, Hz, or None if mains do not fit.
 
     An example is ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The
-    name is the lowest harmonic that fits, of both mains where both fit. The harmonic h of
-    :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a whole number and r the rate. The
-    window to either side is 1.2 per mille of :math:`h f_0`: 1 per mille for the wander of mains,
-    and 200 ppm for the clock behind the time stamps, whose error scales all logged frequencies. A
-    line whose frequency is below the window is not named, since any slow line would fit. Nor does a
-    harmonic count if its window is wider than 0.8 % of the band. The chance that a line lies in a
-    window by accident is 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
+    name gives the lowest harmonic of the 50 Hz or of the 60 Hz mains that fits; if both mains fit,
+    it gives both. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a
+    whole number and r the rate. The window to either side is 1.2 per mille of :math:`h f_0`: 1 per
+    mille for the wander of mains, and 200 ppm for the clock behind the time stamps, whose error
+    scales all logged frequencies. A line whose frequency is below the window is not named, since
+    any slow line would fit. Nor does a harmonic count if its window is wider than 0.8 % of the
+    band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 % at 1
+    kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

@@ -33,6 +33,7 @@ def choose_low_pass(selection):
     parameters, or three with a floor, a process has two, and another term one.
     """
     modes, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
+    # the fitted ramp is subtracted first, so that no fit of a filter has to fit it again
     level = replace(selection, likelihood=replace(modes, slow=modes.slow - ramp * modes.rho))
     unfiltered = level.fit(NAMES)
     start = np.append(unfiltered.theta, 0.0)
@@ -43,7 +44,8 @@ def choose_low_pass(selection):
     if max(map(max, values.values())) - unfiltered.value < 2 * PRICE:
         return selection
     fits = [_fit_corner(level, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
-    # a record that is too short to tell takes the simpler name
+    # a filter by resampling has to be more likely by `PRICE`: a record that is too short to tell
+    # gets a simpler filter
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     filtered = replace(selection, low_pass=low_pass)
     better = _score(filtered) > _score(selection) and _filters_white(filtered)

@@ -39,8 +39,8 @@ def fit_sinusoid(signal, frequency):
     for _ in range(ROUNDS):
         products = _products(signal, frequency)
         cosine, sine = np.linalg.solve(products[1:4, 1:4], products[1:4, 0])[1:]
-        # derivative of the sinusoid by the frequency at the time u span/2, with the amplitudes
-        # `sine` and `cosine`: pi span u (sine cos - cosine sin)
+        # derivative of the sinusoid with respect to the frequency at the time u span/2, with the
+        # amplitudes `sine` and `cosine`: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
         mix[4, 4:] = np.pi * (signal.extent - 1) / signal.rate * np.array([sine, -cosine])
         gram = mix @ products @ mix.T
@@ -54,6 +54,7 @@ def fit_sinusoid(signal, frequency):
     return FittedSinusoid(
         frequency=frequency,
         amplitudes=amplitudes,
+        # the second term is the part that the slope explains without the sinusoid
         explained=float(fit @ gram[1:, 0] - gram[0, 1] ** 2 / gram[1, 1]),
         amplitude_std=float(np.sqrt(direction @ covariance[1:3, 1:3] @ direction)),
         frequency_std=float(np.sqrt(covariance[3, 3])),

@@ -140,7 +140,11 @@ def _missing(device):
 
 
 def _limit(device):
-    """Yield the step to improve the parameter that limits readings, if this parameter matters."""
+    """Yield the step to improve the parameter that limits readings, if its error matters.
+
+    The error matters if it exceeds the noise by the factor `MATTERS`. A step that lowers its
+    standard error by less than the share `NOTICEABLE` is left out.
+    """
     now = device.diagnosis.get("next_step")
     if not now or now["ratio"] <= MATTERS:
         return

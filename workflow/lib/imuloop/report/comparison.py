@@ -205,7 +205,9 @@ def filter_cells(summary):
 
 
 def write_comparison(path, summaries, failures=()):
-    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers.
+    """Write comparison.csv: a row per device, with values in SI and units in the headers.
+
+    `summaries` are the contents of summary.json of the devices.
 
     The first rows are of devices without results: one row, with the reason, for each Failure.
     """

@@ -106,7 +106,7 @@ def odd_table(found, labels):
 
 
 def effect_table(found):
-    """Return the table of effects that a device has, or that all devices together show."""
+    """Return the table of effects that some device has, or that all devices together show."""
     rows = [
         (
             effect_words(each),

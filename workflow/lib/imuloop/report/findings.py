@@ -182,18 +182,19 @@ def grouped(summaries):
 
 
 def card(found, loop, calibration=None):
-    """Return the first words on a device, in the same order for every device.
+    """Return the texts with which the part of a device begins, a dict.
 
-    The texts are ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``,
-    pairs of a verdict and the remaining error in words; ``untested``, what could not be tested, and
-    remarks. `found` are the `blocks` of the device, `loop` the result of `loop_errors`,
-    `calibration` is the final one.
+    The text ``found`` names the hidden effects by sensor, and ``gain`` the errors that fell.
+    ``left`` is a list of pairs: a verdict, and a text on the remaining error. ``untested`` names
+    data that could not be tested, and adds remarks on the calibration. `found` are the `blocks` of
+    the device, `loop` is the result of `loop_errors`, and `calibration` the final calibration, if
+    there is one.
     """
     places, effects = {}, {}
     for block in found:
         for effect in block["effects"]:
             place = places.setdefault(effect_words(effect), [])
-            # data in motion repeat the effects that other data show
+            # data in motion repeat the effects that other data show: those are named once
             if block["sensor"] != BOTH or not place:
                 place += {phrase("sensor", b=block)} - {*place}
     for effect, place in places.items():
@@ -232,7 +233,9 @@ def told(loop):
 
 
 def headline(summaries):
-    """Return the main finding of all devices in a line, given summary.json of each.
+    """Return the main finding of all devices, a sentence.
+
+    `summaries` are the contents of summary.json of the devices.
 
     It is the largest fall of an error, or the worst verdict if no error fell by `WORTH_SAYING`.
     """

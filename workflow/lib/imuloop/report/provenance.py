@@ -26,7 +26,10 @@ def provenance(release, repository, command, config):
 
 
 def commit(repository):
-    """Return the commit of a checkout, marked if files differ from it, or the version installed."""
+    """Return the git commit of a checkout, a text, or the installed version of imuloop.
+
+    The text says if files differ from the commit, and if the commit is not known.
+    """
     if not (Path(repository) / "Snakefile").exists():
         try:
             return f"imuloop {version('imuloop')}, installed"

@@ -151,7 +151,6 @@ def chain(pieces, up, gravity, rate):
     """Return the Motion of consecutive pieces.
 
     `pieces` is a list of Piece, and `up`, (3,), the upward direction on body axes at the start.
-
     `gravity` is local gravity, m/s^2, and `rate` the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
