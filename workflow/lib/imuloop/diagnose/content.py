@@ -30,7 +30,7 @@ def candidates(sensor, record, channels):
     dict of type to tuple of Effect
         The variants to try, by type of effect.
     dict of type to (str, str)
-        Status and reason of the effects that are not tried, by type of effect.
+        By type of effect, the status and the reason of each effect that is not tried.
     """
     variants, reasons, cycle = {}, {}, channels.power_cycle
     # power cycles have numbers from 0
@@ -184,12 +184,12 @@ def _candidate(sensor, choices, kind):
     if reason:
         status, why, limits = "not_observable", reason, None
     elif not limits:
-        # no size would be confirmed by cross-validation: the limit comes from the test alone
+        # cross-validation would confirm no size: the limit then comes from the test alone
         limits = detection_limits(choices, base, trial, power, must_lower_error=False)
     residual_kind, rows = problem.most_changed_rows(choices, base, trial)
     values, std, _ = choices.estimate(base, trial.effect)
     names, heldout = list(trial.effect.parameters), None
-    # held-out error with this kind alone in the model
+    # held-out error of a model with effects of this kind alone
     if trial.p_value < problem.settings.significance:
         heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
     return {

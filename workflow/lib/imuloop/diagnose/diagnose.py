@@ -64,7 +64,7 @@ def diagnose_device(
     noise_settings,
     prior=None,
 ):
-    """Search all records of a device for effects that its model lacks.
+    """Search all records of a device for effects that its model lacks; return a Diagnosed.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def diagnose_device(
         Settings of the calibration, the diagnosis and the noise stage. Calibration and noise are
         estimated again with the effects that are found.
     prior : Prior, optional
-        The data sheet by default.
+        Distribution of the parameters before the data; by default it follows from the data sheet.
 
     Returns
     -------
@@ -96,10 +96,10 @@ def diagnose_device(
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # static records come first: the poses are diagnosed with the effects that static records show,
-    # and with the noise without these effects
+    # static records are diagnosed first: the poses are diagnosed with the effects that static
+    # records show, and with the noise without these effects
     static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
-    # this noise is also without a ramp, which poses do not have but which would add slow noise
+    # the ramp is left out of this noise, too: it would add slow noise, which poses do not show
     noise, has_static_session = static.noise, "static" in data.kinds.values()
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
@@ -170,10 +170,11 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     base : Calibration
         The calibration of the stage before, without effects.
     poses : PoseResult
-        A sensor takes its calibration by the poses if this calibration has effects, or if the bias
-        at the poses counts.
+        The diagnosis at the poses. A sensor gets the calibration by the poses if this calibration
+        has effects, or if the bias at the poses counts.
     static : StaticResult
-        Otherwise the effects of the static records are added to `base`.
+        The diagnosis of the static records. In all other cases the effects of these records are
+        added to the calibration in `base`.
     records : dict of str to list of StaticRecord
         Static records by sensor.
     has_static_session : bool
@@ -253,7 +254,8 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     force, turn = calibration.accelerometer, calibration.gyroscope
     at_poses, in_motion, sensors = {sensor: [] for sensor in SENSORS}, [], {}
     if "accelerometer" in poses.calibrations and force.effects:
-        # effects of the accelerometer depend on the output of the gyroscope
+        # some effects of the accelerometer depend on the angular rate. In poses it is about zero,
+        # so the nominal rate is enough; along moves it is the rate by the calibrated gyroscope
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
         at_poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
         in_motion = [

@@ -183,7 +183,9 @@ def _has_step(recording, effects):
 
 
 def no_result(why, columns=None):
-    """Return the PoseResult of moves that cannot be tested; `why` is the reason.
+    """Return the PoseResult of moves that cannot be tested.
+
+    `why` is the reason, one line of text.
 
     `columns` are columns of moves.parquet that were computed nevertheless.
     """
@@ -204,17 +206,18 @@ def knocks(recording, gyroscope_bias):
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the velocity that dropped samples of each move may hide, over that by noise, (m,).
+    """Return how much velocity dropped samples of each move may hide, relative to the noise, (m,).
 
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
     third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
-    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`, (3,),
-    is in nominal SI (raw readings by the data sheet), rad/s.
+    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. The result is the first
+    error divided by the second. `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data
+    sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):
         return np.zeros(0)
-    # only steps that are too long, `uneven`, have dropped samples
+    # only steps that are too long, the mask `uneven`, have dropped samples
     errors = unsampled_velocity(rotations, gyroscope_bias) * rotations.uneven / 3
     variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
     interval = np.median(rotations.steps[rotations.steps > 0])

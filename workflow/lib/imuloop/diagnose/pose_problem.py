@@ -47,7 +47,8 @@ class PoseProblem:
     scans: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
-    # whether a scan is repeated when the base has grown: turns show the steps of both sensors
+    # whether a scan is repeated after an effect was added. It is, since the turns show the steps of
+    # both sensors
     scans_again = True
     error_scale = 1.0  # unit of the held-out errors in the error ratio
     why_no_trial = "what it adds in these data is taken up by the base model"
@@ -112,7 +113,7 @@ class PoseProblem:
 
     @property
     def fold_of_row(self):
-        """Fold that each row is held out with, (N,): the fold of its first pose."""
+        """Fold that each row is held out with, (N,), which is the fold of its first pose."""
         return self.row_folds[:, 0]
 
     def residuals(self, search, effects):
@@ -373,9 +374,9 @@ def split_by_effect(values, effects):
 def interleaved_folds(count, folds):
     """Return the fold of each of `count` poses, (count,), with neighbours in different folds.
 
-    So the poses before and after predict a held-out pose. If there are at most four `folds`, two
-    neighbours share a fold: else too few neighbours would remain when this fold and a second one
-    are held out.
+    So a held-out pose is predicted by the poses before and after it. If there are at most four
+    `folds`, two neighbours share a fold: else too few neighbours would remain when this fold and a
+    second one are held out.
     """
     folds = min(folds, count)
     return np.arange(count) // (1 if folds > 4 else 2) % folds

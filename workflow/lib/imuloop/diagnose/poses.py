@@ -26,7 +26,8 @@ from imuloop.model.effects import EffectKind, SensorEffect
 
 # least number of poses for a test of effects with cross-validation
 TESTABLE = 12
-# least number of attitudes among these poses, one more than parameters; rad between two attitudes
+# least number of different attitudes among these poses, one more than there are parameters; and the
+# least angle between two different attitudes, rad
 ATTITUDES, APART = 10, 0.17
 # least number of turns between poses for a test of effects of the gyroscope
 TESTABLE_TURNS = 6
@@ -122,8 +123,9 @@ def diagnose_poses(problem, reasons):
     Returns
     -------
     PoseResult
-        By sensor the content of diagnosis.json, the calibration with the added effects, and why it
-        is rejected; the fit, the search, and the columns of residuals.
+        For each sensor the content of diagnosis.json, the calibration with the added effects, and
+        the reason if it is rejected; for both together the fit, the searches and the columns of
+        residuals.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if problem is None:

@@ -20,7 +20,7 @@ from imuloop.model.effects import EffectKind, SensorEffect
 # which on the motion may explain these residuals
 MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
-# alternatives of the noise that are less probable do not count for the range of the floor
+# alternatives of the noise that are less probable than this do not count for the range of the floor
 NEGLIGIBLE = 0.025
 
 
@@ -172,7 +172,7 @@ def judge_sensors(choices, sensors, kinds, errors):
     if content["verdict"] == "unexplained" and may_have_moved:
         why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
         content |= {"verdict": "not_testable", "why": why + STILL}
-    # held-out errors get the sign of the residuals of the fit
+    # held-out errors get the same sign as the residuals of the fit
     signed = (*(-e[:, 0] for e in errors), before.values, after.values)
     return content, residual_columns(problem, kinds, signed, floor[:, 0])
 
@@ -227,10 +227,10 @@ def undersampling_error(problem, linearization, floor):
     Returns
     -------
     dict
-        One field, ``undersampled``, or none. The field has the ``error`` by sampling and the error
-        by all ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which
-        both would be equal: the variance by sampling falls with the rate as the spectrum of the
-        turns does.
+        The field ``undersampled`` if the error exceeds all other noise; otherwise the dict is
+        empty. The field has the ``error`` by sampling and the error by all ``others``, rad, the
+        sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would be equal: the
+        variance by sampling falls with the rate as the spectrum of the turns does.
     """
     rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():

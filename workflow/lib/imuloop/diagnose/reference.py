@@ -90,7 +90,8 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
     """
     rows = set_up.of_windows(lambda w: np.full(len(w.session), w is windows))
     after, scale = set_up.errors(folds)[rows, None], np.sqrt(set_up.variance[rows, None])
-    # `added` are indices of the parameters of added effects; `chance` is the level of each test
+    # `added` has the indices of the parameters of added effects; `chance` is the p-value at which
+    # an effect passes its test
     effects, candidates, added, chance = [], [], [], settings.significance / tests
     for name, units in windows.effects.items():
         index = windows.shared[[[*windows.units].index(name) for name in units]].tolist()

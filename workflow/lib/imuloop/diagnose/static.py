@@ -130,8 +130,8 @@ def static_candidates(sensor, records):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
     variants, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # variants with a price assume that the thermometer lags. They are for shorter records: hours at
-    # rest show the lag itself
+    # variants with a price assume that the thermometer lags. They are left out: hours at rest show
+    # the lag itself
     return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 
@@ -214,7 +214,7 @@ def why_untestable(records, axes, settings):
         return "the noise of an axis is not known"
     if not all(np.ptp(r.values, axis=0).all() for r in records):
         return "an axis never changes"
-    # some of the windows are enough, and all could take long
+    # enough windows are taken from the record, since all of them could take long
     covariances = np.stack([a.mean_covariance(records[0].windows[:ENOUGH]) for a in axes])
     if without_weight(covariances)[1].any():
         return "an axis shows lines and no noise beside them: its noise is not known"
@@ -357,7 +357,7 @@ def _residual_groups(problem, effects, errors, by_noise):
 
 
 def _errors_by_session(axes, problem, errors, floor):
-    """Return root mean square held-out errors before and after, and the floor, SI.
+    """Return the root mean square held-out errors without and with effects, and the floor, SI.
 
     The result is a dict by session and axis. `axes` are the names of the axes. `errors` has the
     held-out errors of the N means without and with effects, and `floor` their variance by the noise

@@ -41,7 +41,7 @@ class StaticProblem:
     noise: tuple | None = None  # Hypotheses of each record; default: a grid of white and slow noise
     # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: ClassVar = {Steps: best_steps}
-    # whether a scan is repeated when the base has grown; unit of the held-out errors
+    # whether a scan is repeated after an effect was added; unit of the held-out errors
     scans_again, error_scale = False, 1.0
     # the only kind of residual, with its unit and number of components
     kinds: ClassVar = {"bias": ("output", 1)}
@@ -137,7 +137,10 @@ class StaticProblem:
         """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
 
     def most_changed_rows(self, search, base, trial):
-        """Return the only kind of residual, and its rows, all: no trial changes another one."""
+        """Return the only kind of residual, and the mask of its rows, (N,) of bool: all rows.
+
+        The arguments do not matter, since no trial can change another kind of residual.
+        """
         return "bias", slice(None)
 
     def is_like_slow_noise(self, effect):
@@ -155,9 +158,10 @@ def ratios(span, length):
     N, B and K are the coefficients of white noise, flicker and random walk. The record has the
     `span` S and windows of `length` τ, s. In mode k of the record, of k half waves, the variance of
     flicker is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
-    ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
-    noise in the middle mode. A ratio is zero with the prior probability `ABSENT`; else the prior is
-    uniform in the logarithm of the ratio.
+    ``N²/τ``. The grid has ratios for which the variance of slow noise is between half the variance
+    of white noise in the slowest mode and thirty times that variance in the middle mode. A ratio is
+    zero with the prior probability `ABSENT`; else the prior is uniform in the logarithm of the
+    ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
@@ -305,8 +309,9 @@ def is_tilt(jump, level):
     """Return whether a jump of specific force may be a tilt, which keeps its magnitude.
 
     `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
-    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. Three standard
-    errors are allowed. A jump along gravity is not a tilt.
+    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. The jump counts as
+    a tilt if this term is within three standard errors of zero, so a jump along gravity is not a
+    tilt.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)

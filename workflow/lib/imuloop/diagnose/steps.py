@@ -8,7 +8,8 @@ from imuloop.model.effects import SensorEffect
 
 # least number of windows on either side of a step, and number of times tried within one window
 BESIDE, WITHIN = 3, 4
-# most steps in all records; log p of a first step from which on the search may give up
+# largest number of steps in all records; the search may stop if log p of the first step is above
+# this
 MOST_STEPS, HOPELESS = 6, 6.0
 
 # least number of poses on either side of a step: with fewer it could be an outlier. A pose gives
@@ -31,9 +32,9 @@ def best_steps(search, base, may_give_up=False):
     best, steps, log_tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
         log_p, step, count = most_promising_step(search, base + variants, steps)
-        # the order in which the steps were found does not count
+        # the order in which the steps were found does not matter: a set of times counts as one try
         log_tries += np.log(max(count, 1) / number)
-        # any of three axes may show a step
+        # the step may be seen on any of three axes, which counts as three tries
         corrected = log_p + np.log(3) + log_tries
         if not step or (may_give_up and number == 1 and corrected > HOPELESS):
             break
@@ -50,11 +51,11 @@ def most_promising_step(search, base, earlier=()):
     """Return log p of the step that an axis shows most clearly, the step, and the number of times.
 
     `search` is the Search of static records, which have the means over windows of a rest. Windows
-    close to the `earlier` steps are not tried. The number is that of all times that were tried. The
+    close to the `earlier` steps are not tried. The number counts all times that were tried. The
     step is None if no window is left. `base` has the effects that are in the model, the earlier
     steps included.
     """
-    # log p, axis and step; the first entry stands for no step, whose p is one
+    # log p, axis and step; the first entry stands for the case without a step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
     evidence = training_fit.evidence
     # the training windows of each record, and the windows at whose start a step is tried

@@ -134,7 +134,7 @@ def _place(poses, indices, names, times):
     times : Poses or Rotations
         Table with the start and end of these poses or moves, s.
     """
-    # poses are sorted by session: the first of each session has the number 0
+    # poses are sorted by session; the first pose of each session has the number 0
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)
     return {
         "session": np.array(names, dtype=object)[poses.session[indices]],

@@ -8,7 +8,7 @@ AXES = "xyz"
 def per_axis(units):
     """Return the parameters of three axes, such as ``c1x`` … ``c1z``, a dict of units by name.
 
-    Takes the units of the parameters of one axis by name.
+    `units` is a dict with the units of the parameters of one axis, by name.
     """
     return {f"{name}{axis}": unit for name, unit in units.items() for axis in AXES}
 

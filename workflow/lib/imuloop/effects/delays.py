@@ -12,7 +12,7 @@ LATEST = 0.1
 def own_change(channels, seconds):
     """Return the mean rate of change of the sensor's output over the next `seconds`, SI/s, (n, 3).
 
-    `channels` are the Channels of a whole log of n samples.
+    `channels` are the Channels of a whole log of n samples; `seconds` may be negative.
     """
     return secant(channels.t, channels.output, seconds)
 
@@ -39,7 +39,7 @@ class TimeOffset(Effect):
     rate_of_change = True
 
     def clamped(self, design, low, high):
-        """Return the derivative as it is: a delay is valid for any rate of change."""
+        """Return the derivative `design` unchanged: a delay is valid for any rate of change."""
         return design
 
     def design(self, channels, values=(0.0,)):

@@ -66,7 +66,7 @@ def vibration(channels):
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # one axis at a time, to save memory
     for output in np.transpose(channels.output):
-        # slower changes, as in a turn, are not vibration
+        # changes slower than a vibration, as in a turn, are removed
         vibrating = fast_part(t, output[:, None], PERIOD)
         before = moving_mean(t, vibrating**2, WINDOW)[:, 0]
         # the mean square after a sample is the one before the last sample of the window after it

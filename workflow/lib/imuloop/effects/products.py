@@ -40,7 +40,8 @@ class Product(Effect):
 
     name = "product"
     reference = "a search of this device's residual; no cause is known"
-    # the class has no records, as `products` gives the variants after all other effects
+    # the class names no records: the function `products` gives its variants, which are tried after
+    # all other effects
     records = ()
     is_formula = True
     bounds = {"reference_temperature": CELSIUS}
@@ -53,7 +54,7 @@ class Product(Effect):
         needs_motion = self.sensor == "accelerometer" and "w" in self.formula
         object.__setattr__(self, "sensors", (self.sensor,))
         object.__setattr__(self, "records", ("motion",) if needs_motion else ("poses",))
-        # the property `factors` raises a ValueError if the formula is not a product
+        # this evaluates `factors`, which raises a ValueError if the formula is not a product
         object.__setattr__(self, "needs", ("temperature",) if "θ" in self.factors else ())
 
     @cached_property
@@ -62,7 +63,7 @@ class Product(Effect):
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
-        # the sign of a power is at its place in `POWERS`; a factor without a sign has the power one
+        # the index of a sign in `POWERS` gives the power; a factor without a sign has the power one
         factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
         if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")

@@ -50,7 +50,7 @@ THERMOMETER_LAGS = (10.0, 14.0, 20.0, 28.0, 40.0, 57.0, 80.0, 113.0, 160.0, 226.
 # amount by which a lag has to lower the logarithm of the p-value, as it is one more constant: it
 # does so by chance in one of some 70 logs
 PRICE_OF_A_LAG = 3.0
-# ratio of a smoothing time to the lag of a thermometer: undoing the lag multiplies the noise by the
+# ratio of a smoothing time to the lag of a thermometer. To undo the lag multiplies the noise by the
 # inverse of this ratio
 SMOOTHED = 0.1
 # least length of a record in lags: in a shorter one the lagged temperature is too similar to θ

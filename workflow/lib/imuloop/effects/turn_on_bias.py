@@ -68,7 +68,7 @@ class TurnOnBias(Effect):
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         biases = np.vstack([-others.sum(axis=0), others])
         std, dof = biases.std(axis=0, ddof=1), self.runs - 1
-        # ratios of the ends of the interval to the estimate
+        # ratios of both ends of the interval to the estimate
         ratios = np.sqrt(dof / chdtri(dof, [0.025, 0.975]))
         return std, np.outer(ratios, std)
 

@@ -121,17 +121,17 @@ def log_f_tail(statistic, q, dof):
     """Return the natural log of the upper tail probability of an F distribution.
 
     The distribution has q and `dof` degrees of freedom. `statistic` is F, a float or an array; the
-    result has its shape. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
-    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too small for a floating
-    point number is replaced by the leading term of this function,
-    ``x^a (1-x)^(b-1) / (a B(a, b))``.
+    result has its shape. The tail probability is ``I_x(a, b)``, the regularised incomplete beta
+    function, with ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too small
+    for a floating point number is replaced by the leading term of this function, which is ``x^a
+    (1-x)^(b-1) / (a B(a, b))``.
     """
     a, b = dof / 2, q / 2
     x = dof / (dof + q * np.asarray(statistic, dtype=float))
     tail = betainc(a, b, x)
     if np.all(tail > 1e-280):
         return np.log(tail)
-    # log(1 - x) has to be finite at x = 1, too
+    # this keeps log(1 - x) finite at x = 1
     safe = np.minimum(x, 1 - 1e-16)
     leading = a * np.log(safe) + (b - 1) * np.log1p(-safe) - np.log(a) - betaln(a, b)
     with np.errstate(divide="ignore"):
@@ -155,7 +155,7 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     Parameters
     ----------
     without, with_parameters : Fit
-        χ² of the fit without and with the parameters, of one fit or of m at once.
+        The fit without and the fit with the parameters. Each may be one fit, or stand for m fits.
     q : int
         Number of parameters.
     hypotheses : ndarray, shape (h,) of bool, optional

@@ -10,7 +10,7 @@ from imuloop.estimate.search import Search, Trial, kinds_of
 
 @dataclass(frozen=True)
 class Choice:
-    """The effects that were added to the model, and those that failed cross-validation."""
+    """The effects that were added to the model, and the effects that failed cross-validation."""
 
     # significance test of each added effect, with all other added effects in the model
     added: tuple[Trial, ...] = ()
@@ -25,7 +25,7 @@ class Choice:
 
 
 class Choices(Search):
-    """The Search in all rows, with the choice of effects and the errors of cross-validation.
+    """The choice of effects for the rows of a problem, by searches and by cross-validation.
 
     The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. A
     problem has the rows (scalar residuals) of one kind of record; the folds, groups of rows that
@@ -45,10 +45,10 @@ class Choices(Search):
     def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        A row is one scalar residual per axis, and a fold has the rows that are held out together. A
-        row is predicted by a fit to the rows of the other folds. `choose_effects` is a function
-        that takes the Search in these rows and returns the effects of the fit, a tuple. The errors
-        of rows of no fold are nan.
+        A row is one scalar residual per axis; there are N rows and a axes. A fold has the rows that
+        are held out together. Each row is predicted by a fit to the rows of the other folds.
+        `choose_effects` is a function that takes the Search in these rows and returns the effects
+        of the fit, a tuple. The errors of rows of no fold are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
@@ -113,7 +113,7 @@ class Choices(Search):
             if change.certain:
                 return extended, failed
             failed[best.effect.kind] = change.ratio
-        # a second effect that the model lacks can hide that the first one lowers the errors
+        # as long as the model lacks a second effect, the first one may seem not to lower the errors
         further_kinds = [kind for kind in self.kinds if kind not in failed]
         for first in [self.trial(effects, kind) for kind in failed]:
             if second := self.best_trial((*effects, first.effect), further_kinds):
@@ -133,7 +133,7 @@ class Choices(Search):
         return extended, self._error_change(effects, trial, extended)
 
     def _confirm(self, effects, failed):
-        """Test each of some effects with all others in the model, until one fails.
+        """Test each of the `effects` with all others in the model, until one fails.
 
         An effect fails if its addition to the others does not lower the held-out error, or if it
         cannot be estimated next to the others.
@@ -148,7 +148,7 @@ class Choices(Search):
             by kind of effect.
         """
         trials = {}
-        # effects of time are removed before effects of temperature
+        # effects of time are tested, and so removed, before effects of temperature
         for effect in sorted(effects, key=lambda e: not e.after_temperature):
             other_effects = tuple(e for e in effects if e is not effect)
             trial = self.test(other_effects, effect)

@@ -36,17 +36,17 @@ def fold_fits(values, weights, jacobian, row_folds, counts=None):
     jacobian : ndarray, shape (n, p)
         Jacobian of all residuals, their derivative with respect to p parameters.
     row_folds : ndarray, shape (n, 2)
-        The fold that a row is held out with, and a second one that it depends on; -1 is no fold. A
-        row is in the training data of neither.
+        The fold that a row is held out with, and a second fold that it depends on; -1 is no fold.
+        The row is left out of the training data of both folds.
     counts : sequence of int, optional
-        A fit for each of these numbers of parameters, which has the first ones; by default one fit
-        with all p.
+        For each of these numbers there is a fit with that many parameters, the first ones. By
+        default there is one fit with all p parameters.
 
     Returns
     -------
     list of (ndarray, dict)
-        For each fit of p parameters the errors E r, (n, m), zero in rows of no fold, which are
-        linear in r; and by fold ``(Jᵀ W J)⁻¹`` of the rows outside it, the training rows, (p, p).
+        For each fit, first the errors E r, (n, m), which are zero in rows of no fold. Then a dict
+        that has for each fold the matrix ``(Jᵀ W J)⁻¹``, (p, p), of its training rows.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -87,8 +87,8 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
     jacobian : ndarray, shape (n, p)
         Jacobian of the residuals.
     row_folds : ndarray, shape (n, 2)
-        The fold that a residual is held out with, and a second one that it depends on; -1 is no
-        fold. A residual is in the training data of neither.
+        The fold that a residual is held out with, and a second fold that it depends on; -1 is no
+        fold. The residual is left out of the training data of both folds.
     weights : ndarray, shape (n, n), optional
         Inverse of the covariance that the fits assume; by default the inverse of `covariance`.
     """
@@ -137,7 +137,7 @@ class ErrorChange(NamedTuple):
 
     @property
     def certain(self):
-        """Whether the whole interval of the ratio is below one."""
+        """Whether the errors fall with confidence: the whole interval of the ratio is below one."""
         return self.ratio[1] < 1
 
 

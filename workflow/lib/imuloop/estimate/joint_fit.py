@@ -59,8 +59,8 @@ class JointFit:
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
-    # from `factors`: names of the estimated sensors, kinds of residuals that count, and a function
-    # that takes a recording and returns the rests and the kind of each of its residuals
+    # taken from `factors`: names of the estimated sensors; kinds of residuals that count; and a
+    # function that takes a recording and returns the rests and the kind of each residual
     estimated = property(attrgetter("factors.sensors"))
     kinds = property(attrgetter("factors.kinds"))
     rows = property(attrgetter("factors.rows"))
@@ -154,8 +154,8 @@ class JointFit:
         effects : sequence of SensorEffect
             Effects that the model has.
         start : ndarray, optional
-            Parameters of a fit with the first of the effects, or with none; by default the
-            attribute `start`.
+            Parameters of an earlier fit, whose effects were the first of `effects`, or none. By
+            default the fit starts from the attribute `start`.
         prior : (ndarray, ndarray), optional
             R, (k, p), and z, (k,), such that ``R x - z`` has mean zero and independent components
             of variance one before the fit; by default the attribute `known`.
@@ -176,8 +176,9 @@ class JointFit:
         x, sizes = np.append(x, np.zeros(p - len(x))), None
         R, z = self.known if prior is None else prior
         R = np.pad(R, ((0, 0), (0, p - R.shape[1])))
-        # the weights and the effects' derivatives depend on the calibrated output, which the start
-        # gives to about 1 %: so the fit is repeated, twice at most, or once from an earlier fit
+        # the weights and the derivatives of the effects depend on the calibrated output, which is
+        # known to about 1 % at the start: so the fit is repeated twice at most, or once if it
+        # starts from an earlier fit
         for _ in range(3 if start is None else 2):
             measured = self.measure(x, recording, effects)
             linearised = measured.at(x)

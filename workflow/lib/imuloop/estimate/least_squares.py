@@ -7,7 +7,7 @@ from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
-# most evaluations of a fit, and the relative tolerance at which it ends
+# largest number of evaluations in a fit, and the relative tolerance at which the fit ends
 _STEPS, _TOLERANCE = 200, 1e-8
 # least degrees of freedom with which the reduced χ² says how large the noise is
 LEAST_DOF = 10
@@ -99,17 +99,17 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     last = [(None, None) if first is None else (x.copy(), first)]
 
     def linearised(x):
-        """Return the result of `linearise` at x, the last one if x has not changed."""
+        """Return the result of `linearise` at x, which is the stored one if x has not changed."""
         if not np.array_equal(last[0][0], x):
             last[0] = x.copy(), linearise(x)
         return last[0][1]
 
     def residual(x):
-        """Return the whitened residuals and the prior's residuals, (n + k,), of variance one."""
+        """Return the whitened residuals, then the prior's residuals, (n + k,), of variance one."""
         return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
-        """Return the derivative of `residual`, (n + k, p)."""
+        """Return the derivative of `residual` with respect to the parameters x, (n + k, p)."""
         return np.concatenate([whiten @ linearised(x).jacobian, R])
 
     if not np.isfinite(residual(x)).all():
@@ -120,7 +120,7 @@ def fit(linearise, x0, covariance, prior=None, first=None):
         raise NotConverged(f"the fit does not converge in {_STEPS} steps")
     x, covariance = result.x, covariance_of(jacobian(result.x))
     white = residual(x)[: len(whiten)]
-    # tr(R C Rᵀ) is the number of parameters that the prior determines instead of the data
+    # tr(R C Rᵀ) counts the parameters that the prior determines instead of the data
     dof = float(len(white) - len(x) + np.sum(R @ covariance * R))
     return Fit(x, covariance=covariance, chi2=float(white @ white), dof=dof, white=white)
 

@@ -14,16 +14,19 @@ import numpy as np
 SHARE = 8 / 9
 # share from which on two patterns count as the same
 ONE = 0.999
-# columns of length one are linearly dependent if their Gram matrix has such a small eigenvalue
+# columns of length one count as linearly dependent if an eigenvalue of their Gram matrix is below
+# this
 SINGULAR = 1e-9
 
 
 def share_on_axes(training_fit, first, second):
     """Return the share of the first effect that the second one imitates, a float from 0 to 1.
 
-    The second effect explains at least this share of the square of the first one, for any
-    parameters of the first. The share is taken on the axis with the least share, of those on which
-    the first effect acts. `training_fit` is the TrainingFit of the rows.
+    An effect imitates another one as far as it explains the same rows with other values of its
+    parameters. The second effect explains at least this share of the square of the first one,
+    whatever the parameters of the first. The share is computed on each axis on which the first
+    effect acts, and the least one is returned. `training_fit` is the TrainingFit of the rows;
+    `first` and `second` are Effects with their constants.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
@@ -39,9 +42,9 @@ def imitated_share(training_fit, first, second):
     is ``cos²`` of the largest principal angle between the patterns of both effects, after the
     nuisance parameters, which every fit has, are projected out. The second effect explains at least
     this share of the square of the first one, for any parameters of the first. The share is zero if
-    the second has fewer columns, or if the columns of one effect are linearly dependent. Products
-    of columns are weighted with the inverse of the noise covariance that is likeliest without
-    effects.
+    the second effect has fewer columns than the first, or if the columns of one of the effects are
+    linearly dependent. Products of columns are weighted with the inverse of the noise covariance
+    that is likeliest without effects.
 
     Parameters
     ----------
@@ -63,7 +66,8 @@ def imitated_share(training_fit, first, second):
     blocks = gram[:k, :k], gram[k:, k:]
     if min(np.linalg.eigvalsh(block)[0] for block in blocks) <= SINGULAR:
         return 0.0
-    # singular values between orthonormal columns of both: the least belongs to the largest angle
+    # singular values of the products of orthonormal columns of both effects are cosines of the
+    # principal angles: the least one belongs to the largest angle
     roots = [np.linalg.cholesky(block) for block in blocks]
     mixed = np.linalg.solve(roots[0], np.linalg.solve(roots[1], gram[k:, :k]).T)
     return float(np.linalg.svd(mixed, compute_uv=False)[-1] ** 2)
@@ -73,10 +77,13 @@ def imitations(search, kinds):
     """Return the pairs of kinds of effects of which one imitates the other, a list of dict.
 
     A pair has the name of the imitated kind, ``effect``, the name of the imitator, ``with``, and
-    the ``share`` of the square of the first that the second explains, if it is at least `SHARE`. A
-    kind has variants, effects with values of their constants. For each variant of the first kind,
-    the share is that of the variant of the second kind that explains most, on the axis on which
-    this variant explains least. The median over the variants of the first kind is returned.
+    the ``share`` of the square of the first that the second explains. Pairs with a share below
+    `SHARE` are left out.
+
+    A kind has variants, effects with values of their constants. A variant of the second kind
+    explains a share of a variant of the first kind on each axis; the least of these counts. For
+    each variant of the first kind, the variant of the second kind with the largest share is taken.
+    The share of the pair is the median over the variants of the first kind.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ class AxisTest:
             for f, x in ((fit, chi2), (without, chi2 + q * scale * lowest))
         )
         log_p = averaged_log_p(expected_without, expected, q)
-        # the axes that do not have the parameter show p-values in the middle of chance
+        # an axis without the parameter counts with its median p-value
         return fisher([log_p, *[CHANCE] * (self.trial.axes - 1)]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
@@ -285,8 +285,9 @@ class AxisTest:
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
-    A ratio is the root of the sum of squares with an effect over that without. The standard error
-    of a ratio comes from the scatter between folds, as by a jackknife, and from the noise.
+    A ratio is the root of the sum of squares with an effect over the sum of squares without it. The
+    standard error of a ratio comes from the scatter between folds, as by a jackknife, and from the
+    noise.
 
     Parameters
     ----------
@@ -296,8 +297,8 @@ def is_below_one(after, before, variance, quantile):
     variance : ndarray, shape (s, folds)
         Variance, by the noise, of the difference of `after` and `before`.
     quantile : float
-        Number of standard deviations by which the noise may make the ratio larger: the upper end of
-        the 95 % interval of the ratio has to stay below one even then.
+        Number of standard deviations by which the noise may make the ratio larger than expected. A
+        ratio passes if the upper end of its 95 % interval is below one even then.
     """
     n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
     ratio = np.sqrt(total_after / total_before)

@@ -119,7 +119,7 @@ class SizeLikelihood:
         self.largest_squares = (self.prior_sizes + FARTHEST * self.deviations) ** 2
         length = np.linalg.norm(jacobian, axis=0)
         self.jacobian, self.fixed = jacobian / np.where(length > 0, length, 1.0), fixed
-        # (k, n²): a sum over all components is one matrix product
+        # (k, n²): in this shape a sum over all components is one matrix product
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
     def covariance(self, squares):
@@ -211,12 +211,13 @@ class SizeLikelihood:
 
 
 def bounded_step(hessian, gradient, low, high):
-    """Return the step s, (k,), with the smallest ``gᵀ s + sᵀ H s/2`` that is from low to high.
+    """Return the step s, (k,), between `low` and `high`, with the smallest ``gᵀ s + sᵀ H s/2``.
 
-    The method solves for the components within their bounds, with the others at a bound, until the
-    gradient holds exactly these others there. Should it cycle, the last step is clipped. H is the
-    `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and `high`, (k,), may be
-    infinite.
+    The method fixes some components at a bound and solves for the others. Then it fixes all
+    components that are beyond a bound, and frees those that the gradient pushes off their bound.
+    This is repeated until the fixed components no longer change. Should it cycle, the last step is
+    clipped. H is the `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and
+    `high`, (k,), may be infinite.
 
     References
     ----------

@@ -59,8 +59,8 @@ class Trial:
     log_p: float  # logarithm of the p-value times the number of variants that were tried
     axis: int  # index of the axis with the smallest p-value
     axes: int  # number of axes that the test combines
-    # logarithm of the number of variants that were tried, plus the price of the variant: what
-    # `log_p` has more than the test of this variant alone
+    # logarithm of the number of variants that were tried, plus the price of the variant: `log_p` is
+    # the log p-value of this variant alone plus this number
     log_tries: float = 0.0
     # whether a parameter is above its physical limit by more than its standard error
     impossible: bool = False
@@ -68,7 +68,7 @@ class Trial:
 
     @property
     def p_value(self):
-        """P-value of the test, times the number of variants that were tried, at most 1."""
+        """P-value of the test times the number of variants that were tried; it is at most 1."""
         return float(min(1.0, np.exp(self.log_p)))
 
 
@@ -163,7 +163,7 @@ class Search:
         """
         if kind in kinds_of(base):
             return None
-        # a list of variants cannot give up, so both values share a stored result
+        # only a scan can stop early: for a list of variants the stored result holds for both values
         may_give_up = may_give_up and kind in self.problem.scans
         key = base, kind, may_give_up
         if key not in self._trials:
@@ -245,7 +245,7 @@ class Search:
 
     @property
     def kinds(self):
-        """All kinds of effects that can be tried, a tuple: with a list of variants, or a scan."""
+        """Kinds of effects that can be tried, a tuple: kinds with variants, then with a scan."""
         return (*self.problem.variants, *self.problem.scans)
 
     def significant_effects(self, kinds):
@@ -293,9 +293,9 @@ class Search:
     def _first_alike(self, base, best, passing):
         """Return the first Trial in a list whose effect looks like that of the best Trial here.
 
-        These data cannot tell such effects apart. In one attitude, for example, a change of scale
-        factor is the same as a change of bias. `base` has the effects in the model; `passing` is
-        the list, and `best` is one of its Trials.
+        An effect looks like another one if these data cannot tell them apart. In one attitude, for
+        example, a change of scale factor is the same as a change of bias. `base` has the effects in
+        the model; `passing` is the list, and `best` is one of its Trials.
         """
         training_fit = self.training_fit(base)
         for trial in passing:

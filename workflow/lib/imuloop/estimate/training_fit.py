@@ -133,9 +133,10 @@ class TrainingFit:
 
         `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
         precision of the training rows after the nuisance parameters are projected out. The
-        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x is
-        ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis. A
-        fit compares this square with what the nuisance parameters and other columns leave of x.
+        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x
+        is ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis.
+        A fit compares this square with the square that remains of x after the nuisance parameters
+        and other columns are projected out.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
@@ -155,7 +156,7 @@ class TrainingFit:
             self._columns[column] = [t[:, k] for t in by_group], squares[k]
 
     def release(self):
-        """Delete the stored fits and products of columns; they are recomputed if needed."""
+        """Delete the stored fits and products, to free memory; they are recomputed if needed."""
         self._fits.clear()
         self._columns.clear()
 

@@ -96,10 +96,10 @@ def compare_with_noise(groups, log_prior, fitted=0):
 
 
 def heldout_p_value(groups, m, k):
-    """Return the probability that the noise gives as large held-out errors of kind k, a float.
+    """Return the probability that noise alone gives held-out errors as large as these, a float.
 
-    `groups` are ResidualGroups, `m` is the index of the alternative of the noise, and `k` the index
-    of the kind of residual.
+    Only residuals of one kind count. `groups` are ResidualGroups, `m` is the index of the
+    alternative of the noise, and `k` the index of the kind of residual.
     """
     square, blocks = 0.0, []
     for group in groups:

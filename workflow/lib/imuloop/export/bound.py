@@ -23,10 +23,10 @@ def bounding(noise):
         \quad 0.1\,\mathrm{s} \le \tau \le 1000\,\mathrm{s}
 
     `noise` is an AxisNoise whose N and K have a value or a 95 % upper limit; σ²(τ) is its Allan
-    variance. The returned N and K, in its units, are not below its own. Of all such pairs, the
-    returned one exceeds the curve least: the sum of
-    :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over times evenly spaced in :math:`\log\tau` is
-    smallest, a linear program in :math:`N^2, K^2`.
+    variance. The returned N and K, in the same units, are not below the N and K of `noise`. Among
+    all such pairs, the returned pair exceeds the curve least: over times evenly spaced in
+    :math:`\log\tau`, the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` is smallest. This is
+    a linear program in :math:`N^2, K^2`.
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
     deterministic, but a filter has no state for it and sees a bias that moves. Lines are not
@@ -45,7 +45,7 @@ def bounding(noise):
     above = excess > ROUNDING * curve
     if not above.any():
         return noise.N.size, noise.K.size
-    # imported here, as loading takes a quarter of a second and is needed only from here on
+    # imported here, since loading takes a quarter of a second and only this function needs it
     from scipy.optimize import linprog
 
     # the solver's tolerances are absolute: scale rows by the missing variance, columns by size

@@ -1,11 +1,11 @@
-"""C expressions of the effects of a sensor; the function in the exported header subtracts them."""
+"""C expressions of the effects of a sensor, which the function in the exported header subtracts."""
 
 from imuloop.effects.axes import AXES
 from imuloop.effects.products import OUTPUTS, Product
 from imuloop.export.text import number
 from imuloop.export.values import BIAS
 
-# for effects with a matrix, the C expression that element (i, j) multiplies
+# for effects with a matrix, the C expression by which element (i, j) is multiplied
 MATRICES = {
     "g_sensitivity": "f[{1}]",
     "rate_sensitivity": "w[{1}]",
@@ -24,16 +24,16 @@ def needs_rate(sensor):
 
 
 def subtracted(sensor):
-    """Return the effects of a sensor that C can compute from one sample.
+    """Return the effects of a sensor that C can compute from one sample, a list of pairs.
 
-    Each is a FittedEffect and a list of pairs: the index of an axis, and the C expression to
-    subtract from it.
+    A pair is a FittedEffect and the list of its terms. A term has the index of an axis, and the C
+    expression to subtract from the output of this axis.
     """
     return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
-    """Return a pair for each parameter of a FittedEffect: index of the axis, C expression."""
+    """Return for each parameter of a FittedEffect the index of its axis and a C expression."""
     found = []
     if fitted.name == Product.name:
         return [_product(fitted)]
@@ -43,7 +43,8 @@ def _effect(fitted):
         if fitted.name in MATRICES:
             factors = [_clamped(fitted, name, MATRICES[fitted.name].format(row, column))]
         elif fitted.name == BIAS:
-            # the temperature is clamped, then raised to its power by as many equal factors
+            # parameters of order k have k equal factors: the temperature is clamped before it is
+            # raised to the power k
             factors = [_clamped(fitted, f"c1{AXES[axis]}", _warmer(fitted))] * (row + 1)
         else:
             factors = [_clamped(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
@@ -52,7 +53,10 @@ def _effect(fitted):
 
 
 def _product(fitted):
-    """Return the index of the axis and the C expression of a product of outputs and temperature."""
+    """Return the index of the axis of a Product and its C expression.
+
+    A Product is a coefficient times powers of outputs and of the temperature.
+    """
     (name,), texts = fitted.effect.parameters, []
     for factor in fitted.effect.factors:
         letter = "o" if factor[0] == OUTPUTS[fitted.effect.sensor] else factor[0]
@@ -63,7 +67,10 @@ def _product(fitted):
 
 
 def _clamped(fitted, name, expression):
-    """Return the C expression of a parameter's factor, clamped to the range of the fitted data."""
+    """Return a C expression that clamps another one to the range of the fitted data.
+
+    `expression` is the C expression by which the parameter `name` of a FittedEffect is multiplied.
+    """
     if name not in fitted.ranges:
         return expression
     low, high = map(number, fitted.ranges[name])
@@ -71,5 +78,5 @@ def _clamped(fitted, name, expression):
 
 
 def _warmer(fitted):
-    """Return the C expression of the temperature above the reference temperature of an effect."""
+    """Return the C expression of the temperature minus the reference temperature of an effect."""
     return f"(temperature - {number(fitted.effect.reference_temperature)})"

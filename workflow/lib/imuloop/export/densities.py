@@ -1,4 +1,4 @@
-"""Noise coefficients for other tools: always a number, for samples as logged or calibrated."""
+"""Noise coefficients for other tools, each a number, for logged or for calibrated samples."""
 
 from dataclasses import dataclass, replace
 
@@ -18,9 +18,9 @@ UNITS = {
 class Density:
     """A noise coefficient, SI, with its axis or channel.
 
-    `value` is the estimate, or the one-sided 95 % upper limit if `limit`, that is, if the term was
-    not seen. If `value` was raised so that N and K bound the Allan curve, `raised_from` is the
-    estimate or limit before.
+    `value` is the estimate. If the term was not seen, `value` is the one-sided 95 % upper limit and
+    `limit` is true. If `value` was raised so that N and K bound the Allan curve, `raised_from` is
+    the estimate or limit before.
     """
 
     value: float
@@ -30,7 +30,7 @@ class Density:
 
     @property
     def words(self):
-        """The words of a comment on the value."""
+        """The text of a comment on the value: its axis, and whether it is a limit or was raised."""
         words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
         if self.raised_from is not None:
             words += f"; raised from {self.raised_from:.3g} so that N and K bound its Allan curve"
@@ -44,20 +44,25 @@ class Density:
 
 
 def estimated(noise, axis, term):
-    """Return coefficient `term` (N, B or K) of an AxisNoise that has an estimate or a limit."""
+    """Return the Density of the coefficient `term`, N, B or K, of an AxisNoise.
+
+    The coefficient has to have an estimate or a limit. `axis` is the name of the axis.
+    """
     coefficient = getattr(noise, term)
     return Density(float(coefficient.size), axis, coefficient.value is None)
 
 
 def for_filter(noise, axis, term):
-    """Return N or K of an AxisNoise, raised so that both bound its Allan curve."""
+    """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan curve."""
     own = estimated(noise, axis, term)
     value = dict(zip("NK", bounding(noise), strict=True))[term]
     return own if value == own.value else replace(own, value=value, raised_from=own.value)
 
 
 def of_calibrated(sensor, densities):
-    """Return the densities of calibrated samples, given a SensorCalibration and those as logged.
+    """Return the densities of calibrated samples, a list of Density, one for each axis.
+
+    `sensor` is the SensorCalibration, and `densities` has the Density of each axis as logged.
 
     Axis i of the calibrated samples has ``N_i^2 = Σ_j M_ij^2 N_j^2``, as the noise of the axes is
     independent. M, (3, 3), is T K over the nominal scale. Values that bound the Allan curves as
@@ -67,7 +72,7 @@ def of_calibrated(sensor, densities):
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
 
     def through(values):
-        """Return values of calibrated axes, given values of the axes as logged."""
+        """Return the values of the calibrated axes that follow from values as logged, a list."""
         return np.sqrt(M**2 @ np.square(values)).tolist()
 
     values = through([d.value for d in densities])

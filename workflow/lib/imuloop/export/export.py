@@ -33,7 +33,10 @@ class ExportFormat(NamedTuple):
     needs: tuple[str, ...]  # parts that the file needs, by their names in `reasons`
 
     def text(self, exported):
-        """Return the text of an `Exported`; raise Lacking if a need of the file is missing."""
+        """Return the text of the file for an `Exported`.
+
+        Raises Lacking if the device lacks a part that the file needs.
+        """
         lacking = reasons(exported)
         for need in self.needs:
             if need in lacking:
@@ -50,7 +53,7 @@ FORMATS = tuple(
 
 @cache
 def environment():
-    """Return the environment of the templates, in which a missing value is an error."""
+    """Return the jinja2 environment of the templates, in which a missing value is an error."""
     found = Environment(
         loader=PackageLoader("imuloop", "templates/export"),
         undefined=StrictUndefined,
@@ -65,18 +68,20 @@ def environment():
 
 
 def render(file, content):
-    """Return the text of a file: its template with the values of the dict `content`."""
+    """Return the text of a file: its template, filled with the values of the dict `content`."""
     return environment().get_template(f"{file}.j2").render(content)
 
 
 def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     """Return the `Exported` of a device, given the paths of its JSON files.
 
-    `quality` are the paths of its sessions' quality.json, which give the temperatures, and the rate
-    if noise.json has none. `diagnosis` gives time offset and lever arm relative to a reference.
+    `calibration`, `noise` and `diagnosis` are paths of its result files, and `quality` has the
+    paths of quality.json of its sessions. The latter give the temperatures, and the sampling rate
+    if noise.json lacks it. diagnosis.json gives time offset and lever arm relative to a reference.
+    `label` is the name to show.
     """
     content, found = read_json(noise), Calibration.from_json(calibration)
-    # noise.json without rates does not tell which sensors the logs hold
+    # if noise.json has no rates, it is not known which sensors the logs hold
     held = content.get("rates_hz") or SENSORS
     used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
     reference = reference_parameters(read_json(diagnosis), used) if diagnosis else {}
@@ -98,9 +103,9 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
 def reference_parameters(diagnosis, qualities):
     """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
 
-    `diagnosis` is the content of diagnosis.json, `qualities` that of each session's quality.json.
-    The time offset is left out if the reference has a clock of its own, as the next recording has
-    another offset.
+    `diagnosis` is the content of diagnosis.json, and `qualities` has the content of quality.json of
+    each session. The time offset is left out if the reference has a clock of its own, as the next
+    recording has another offset.
     """
     own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in qualities)
     return {
@@ -112,7 +117,7 @@ def reference_parameters(diagnosis, qualities):
 
 
 def export_files(exported):
-    """Return the text of each file by its name; README.txt says which are missing and why."""
+    """Return a dict with the text of each file by name; README.txt lists missing files and why."""
     files, written, left_out = {}, [], []
     for each in FORMATS:
         try:
@@ -125,7 +130,7 @@ def export_files(exported):
 
 
 def write_exports(folder, files):
-    """Write `files`, texts by name, into `folder` in place of its content, and a list of them.
+    """Replace the content of `folder` by `files`, texts by name, and write a list of the files.
 
     The list, ``exports.json`` next to the folder, holds the SHA-256 of each file by its name.
     """
@@ -139,6 +144,6 @@ def write_exports(folder, files):
 
 
 def listed(path):
-    """Return the file name and the tool of each export that the list at `path` names."""
+    """Return the file name and the tool of each export in the list ``exports.json`` at `path`."""
     names = read_json(path)["sha256"]
     return [(each.file, each.title) for each in FORMATS if each.file in names]

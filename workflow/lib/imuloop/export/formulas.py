@@ -1,4 +1,7 @@
-"""Values in the conventions of single tools; each function takes the values of a sensor."""
+"""Values in the conventions of single tools.
+
+Each function takes the values of a sensor, the dict of `values.sensor_values`.
+"""
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -8,7 +11,7 @@ from imuloop.export.values import BIAS
 
 # orders of a bias' polynomial of the temperature, with the constant
 TERMS = 4
-# degC, about which imuSensor's temperature bias counts
+# degC: reference temperature of the temperature bias of imuSensor
 STANDARD = 25.0
 
 
@@ -16,7 +19,7 @@ def bias_polynomial(sensor, reference):
     """Return the coefficients of the bias over temperature about `reference`, degC, (4, 3).
 
     ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3, equals the effect `bias_temperature`. c_ki is
-    in SI units of the output ``K (raw - b)`` per K^k, 0 without such an effect.
+    in SI units of the output ``K (raw - b)`` per K^k. All are 0 if the sensor has no such effect.
     """
     total = np.zeros((TERMS, 3))
     for fitted in sensor[BIAS]:
@@ -31,7 +34,8 @@ def bias_polynomial(sensor, reference):
 def rotation_and_upper(gyroscope):
     """Return Q and U, (3, 3) each, of the gyroscope's ``T K = Q U``, for OpenVINS' model rpng.
 
-    K is over the nominal scale. Q is a rotation, U upper triangular with a positive diagonal.
+    K is divided by the nominal scale. Q is a rotation, and U is upper triangular with a positive
+    diagonal.
     """
     rotation, upper = np.linalg.qr(gyroscope["T"] * gyroscope["scale"])
     signs = np.sign(np.diag(upper))

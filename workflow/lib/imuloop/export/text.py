@@ -32,7 +32,7 @@ def written(value):
 
 
 def float32(value):
-    """Return text that reads back as the same float32."""
+    """Return the text of a number that reads back as the same float32."""
     return f"{np.float32(value):.9g}"
 
 
@@ -53,5 +53,5 @@ def in_c(text):
 
 
 def identifier(text):
-    """Return text as a name that C and MATLAB accept."""
+    """Return text changed to a name that C and MATLAB accept as an identifier."""
     return re.sub(r"\W", "_", text, flags=re.ASCII)

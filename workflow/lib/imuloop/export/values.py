@@ -1,4 +1,4 @@
-"""The numbers and words of a device by name, for the templates of all formats."""
+"""The numbers and texts of a device by name, for the templates of all formats."""
 
 from dataclasses import asdict, dataclass, field
 from operator import attrgetter
@@ -25,15 +25,15 @@ class Exported:
     """The results of a device from which the formats are written."""
 
     device: str
-    label: str  # untrusted text
+    label: str  # name to show; it may hold any characters
     calibration: Calibration
     noise: NoiseModel  # of the samples as logged, SI
     rate_hz: float | None  # of the logs, if known
-    notes: tuple[str, ...] = ()  # on the noise, for its readers
+    notes: tuple[str, ...] = ()  # remarks on the noise
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
     # parameters, SI, of the effects found with a reference, by sensor and name
     reference: dict = field(default_factory=dict)
-    sensors: tuple[str, ...] = tuple(SENSORS)  # those that the logs hold
+    sensors: tuple[str, ...] = tuple(SENSORS)  # the sensors that the logs hold
 
     def sensor(self, name):
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
@@ -41,11 +41,11 @@ class Exported:
 
 
 def reasons(exported):
-    """Return the needs of formats that a device lacks, by name, each with the reason in words.
+    """Return the parts that formats need and a device lacks: a dict of reasons, text, by part.
 
-    Needs are the ``calibration`` of either sensor, the calibration of one sensor by its name,
-    ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. The noise of a sensor that
-    the logs lack is not needed.
+    The parts are the ``calibration`` of either sensor, the calibration of one sensor by its name,
+    ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. If the logs lack a sensor,
+    its noise is not needed.
     """
     calibration, found = exported.calibration, {}
     if not calibration.measured:
@@ -64,10 +64,10 @@ def reasons(exported):
 
 
 def values(exported):
-    """Return the plain values of a device for the templates, each sensor's by its name.
+    """Return the values of a device for the templates, a dict; it has a dict of each sensor.
 
-    A noise coefficient without a value or limit has no entry, nor has a sensor that the logs lack.
-    A format that takes such a value lists it among its needs, and is then not written.
+    A noise coefficient without a value or limit has no entry. A sensor that the logs lack has none
+    either. A format that takes such a value lists it among its needs, and is then not written.
     """
     calibration = exported.calibration
     sensors = {name: sensor_values(exported, name) for name in exported.sensors}
@@ -93,11 +93,12 @@ def sensor_values(exported, name):
     """Return the values of a sensor by name, for the templates.
 
     z is the raw value in nominal SI, that is, times the scale of the data sheet. ``scale``, near 1,
-    and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``. ``temperatures``: the range
-    of the data that ``bias_temperature`` was fitted to, degC, else of the logs. ``logged`` and
-    ``calibrated``: by coefficient, the `Density` of each axis. ``worst`` and ``worst_logged``: the
-    largest N and K of the axes, raised for a filter. ``Tg``, (3, 3): times specific force on the
-    axes of the body, it is the rate that the force adds to z. The effects are `FittedEffect`.
+    and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``. ``temperatures``, degC: the
+    range of the data that ``bias_temperature`` was fitted to, or the range of the logs if that is
+    unknown. ``logged`` and ``calibrated``: by coefficient, the `Density` of each axis. ``worst``
+    and ``worst_logged``: the largest N and K of the axes, raised for a filter. ``Tg``, (3, 3): the
+    product of Tg and the specific force, on the axes of the body, is the rate that the force adds
+    to z. The effects are `FittedEffect`.
     """
     sensor, axes = exported.sensor(name), SENSORS[name]
     scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
@@ -126,9 +127,11 @@ def sensor_values(exported, name):
 
 
 def noise_values(sensor, noise):
-    """Return densities as logged and calibrated, of each axis and the worst axis.
+    """Return the noise of logged and of calibrated samples, by axis and of the worst axis.
 
-    `sensor` is a SensorCalibration, `noise` an AxisNoise by channel.
+    `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The
+    result has the keys ``logged``, ``calibrated``, ``worst`` and ``worst_logged``, each a dict by
+    the letter of the coefficient; ``worst`` and ``worst_logged`` have N and K alone.
     """
     known = [t for t in "NKB" if all(getattr(own, t).size is not None for own in noise.values())]
     both = "NK" if {*"NK"} <= {*known} else ""
@@ -146,9 +149,9 @@ def left_out(sensor, name):
     """Return the parts of a SensorCalibration that some formats cannot hold, a list.
 
     Each is a dict with a ``name``. Misalignment comes first, unless T is the identity; its
-    ``angle`` is the largest element of T off the diagonal by size, deg. `name` is the name of the
-    sensor. An effect has its ``equation``, its ``constants``
-    and, by unit, the size of its ``largest`` parameter.
+    ``angle``, deg, is the magnitude of the largest element of T off the diagonal. `name` is the
+    name of the sensor. An effect has its ``equation``, its ``constants``, and under ``largest`` a
+    dict with the magnitude of the largest parameter of each unit.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
     parts = [{"name": "misalignment", "angle": angle}] if angle else []
@@ -170,9 +173,11 @@ def common(spans):
 
 
 def seen_range(fitted, names, offset=0.0):
-    """Return the common range of the derivatives with respect to parameters; None if unknown.
+    """Return the range that the derivatives of an effect had in the fitted data, or None.
 
-    The range is that of the fitted data; `offset` is added to both ends.
+    The result is the intersection of the ranges of the parameters `names`, as far as these are
+    known. It is None if no range is known, or if the intersection is empty. `fitted` is a
+    FittedEffect, and `offset` is added to both ends.
     """
     found = common([fitted.ranges[name] for name in names if name in fitted.ranges])
     return found and (offset + found[0], offset + found[1])
@@ -184,7 +189,7 @@ def temperature_range(fitted):
 
 
 def seen_words(fitted):
-    """Return in words the range of the data that an effect was fitted to; None if unknown.
+    """Return the range of the data that an effect was fitted to, a text, or None if unknown.
 
     The effect is `bias_temperature` or `g_sensitivity`.
     """

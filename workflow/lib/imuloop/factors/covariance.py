@@ -10,8 +10,8 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, edges
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 from imuloop.factors.rows import cross_matrix
 
-# number of parts of a move with a mean of slow noise each: one mean per move is not enough, as
-# early noise changes the velocity at the end more than late noise
+# number of parts of a move; each has its own mean of the slow noise. One mean per move is not
+# enough, as early noise changes the velocity at the end more than late noise
 PARTS = 4
 
 
@@ -54,7 +54,7 @@ class ChannelMeans:
         sample by sample. `channel` is the index of the channel, in the order ax … gz.
         """
         rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
-        # white noise and quantization alone; the rest is slow
+        # only white noise and quantisation: all other noise is slow
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
         covariance = self._covariance(fast)
         if model.B.square or model.K.square or model.gauss_markov:
@@ -97,7 +97,7 @@ class ResidualCovariance:
     and jitter, enter the residuals of that move only, and correlate the residuals of the rotation
     and of the velocity of a move. Noise of different power cycles is independent.
 
-    Takes the Linearised factors, which have N residuals that the fit uses.
+    The argument is the Linearised factors, of whose residuals the fit uses N.
     """
 
     def __init__(self, linearised):
@@ -121,7 +121,7 @@ class ResidualCovariance:
         # (m, a, a): of the a residuals of each move by white noise within it
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
-        # dropped samples and jitter always count
+        # errors by dropped samples and jitter always count
         within += self._extra(moves.time_covariance + aliasing * moves.aliasing_covariance)
         covariance[places[:, :, None], places[:, None]] += within
         for axis, columns in zip(ANGULAR_RATE, self._tilt_columns, strict=True):
@@ -171,7 +171,7 @@ class ResidualCovariance:
         `covariance`, (m, g, 3, 3), rad², is the covariance of the errors that arise in each of g
         parts of the rotation, on body axes.
         """
-        # (m, g): time step of the move at which the errors of each part enter
+        # (m, g): index of the time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
         return (gain @ covariance @ gain.swapaxes(2, 3)).sum(axis=1)
@@ -183,10 +183,11 @@ class ResidualCovariance:
         The first axis numbers the three rates, L is the number of all residuals, used by the fit or
         not, and c the number of columns.
 
-        At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
-        of the rest, of duration T. White noise n of density one changes these small rotations by
-        ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the
-        start. The variances of these two rotations are T/3, their covariance is -T/6.
+        If the device tilts in a rest of duration T, the direction of gravity at its start and at
+        its end follows from the mean direction and a small rotation by the gyroscope. White noise n
+        of density one changes these rotations by ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T)
+        ds`` to the start, with the time s since the start of the rest. The variances of both errors
+        are T/3, and their covariance is -T/6.
         """
         rests, first, columns = self.rests, self.moves.first, []
         for k in np.flatnonzero(rests.tilt > 0):

@@ -43,10 +43,10 @@ class Factors:
     sensors : tuple of str
         Sensors whose data count.
     quiet : ndarray of bool, shape (m,), or None
-        Whether the velocity of each move counts; None if none does.
+        Whether the fit uses the velocity of each move; None if it uses no velocity.
     share : ndarray, shape (m, 3, 2), or None
         Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. This
-        velocity is subtracted from the residual of the velocity. None is zero.
+        velocity is subtracted from the residual of the velocity. None stands for zero.
     bias_held : bool
         Whether the bias of the gyroscope is fixed at its value before the fit.
     """
@@ -63,7 +63,8 @@ class Factors:
         owners = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
         kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in owners}
         if "accelerometer" not in owners:
-            # the residual of a rotation needs the direction of gravity
+            # the residual of a rotation needs the direction of gravity, which the accelerometer
+            # gives
             kinds.pop("rotation", None)
         return kinds
 
@@ -71,8 +72,8 @@ class Factors:
         """Return four arrays, (M,), with a value for each of M residuals of a Recording.
 
         The arrays have the kind of the residual, the index of the rest where the residual starts,
-        the index of the rest where it ends, and whether the fit uses the residual. If
-        the fit uses no residual of velocity, the arrays have none.
+        the index of the rest where it ends, and whether the fit uses the residual. The arrays leave
+        out all velocities if the fit uses none of them.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds
@@ -206,7 +207,7 @@ def _design(sensor, state, table, channels):
     model, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
     if not (effects and len(y)):
         return np.zeros((*y.shape, len(model.p)))
-    # effects depend on the other sensor's values with its T, K and b, but without its effects
+    # effects depend on the values of the other sensor, which are calibrated by its T, K and b only
     align = state.sensor(other).aligned
     inputs = channels(sensor, output=model.output, other=align(other_y), align_other=align)
     return effect_design(effects, inputs, model.p).reshape(*y.shape, len(model.p))

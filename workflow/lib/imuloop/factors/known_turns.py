@@ -65,8 +65,8 @@ class KnownTurns:
         """
         sensor, m = self.estimate_sensor(), len(self)
         best = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
-        # T K (a - b L) is L times T K (a/L - b), the calibrated mean rate, one value per turn; the
-        # derivative of effects is empty
+        # T K (a - b L) is L times T K (a/L - b), the calibrated mean rate, with one value per turn.
+        # The model lacks effects here, so the array of their derivatives is empty
         weights, no_effects = self.seconds[:, None, None, None] * np.eye(3), np.zeros((m, 1, 3, 0))
         J = sensor.jacobian(weights, self.rate[:, None], no_effects).reshape(-1, 12)
         # at parameters x the residuals are those at `best` plus J (x - best), which is J x - z

@@ -70,7 +70,8 @@ class Linearised:
         Attitude in the middle of each time step, matrices that take the body axes then to those at
         the start of the move.
     weights : ndarray, shape (m, k)
-        Weight of each sample in an integral by trapezoids, s.
+        Weights w, s: by the trapezoid rule, ``Σ w x`` over the samples x of a move is their
+        integral over time.
     move_rows : MoveRows
         Rows of all factors of the moves: rotations first, then velocities.
     places : ndarray of int, shape (m, 2 or 5)
@@ -91,8 +92,8 @@ class Linearised:
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
         up = self.up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
-        # upward directions at the start and end of each rest, which differ if it tilts: from its
-        # mean attitude the device rotates by a time multiplied by an angular rate
+        # upward directions at the start and end of each rest, which differ if the device tilts in
+        # it. The rotation from the mean attitude to either end is an angular rate times a time
         rate = self.turn.values(rests.w_to_ends, at_rests[:, None])
         start, end = np.moveaxis(np.cross(up[:, None], rate * rests.to_ends_s[..., None]), 1, 0)
         self.leaving, self.arriving = (up + end)[moves.first], (up + start)[moves.first + 1]
@@ -188,7 +189,7 @@ class Linearised:
         columns[:n, places["accelerometer"]] = norm[:, 0]
         columns[n : 4 * n, places["gyroscope"]] = -np.concatenate(of_rate)
         for term in self.move_terms:
-            # most variants belong to one sensor
+            # most variants of effects belong to one sensor, so the other one is skipped
             if len(index := places[term.sensor]):
                 sensor, design = self.sensors[term.sensor], term.design(designs)
                 change = sensor.effect_jacobian(term.weights, design)

@@ -42,7 +42,8 @@ class MoveRows:
     residual : ndarray, shape (m, a, 1)
         Residuals, SI.
     by_start, by_end : ndarray, shape (m, a, 3)
-        Derivative with respect to the calibrated specific force at the rests before and after.
+        Derivative with respect to the calibrated specific force at the rest before the move, and at
+        the rest after it.
     by_turn : ndarray, shape (m, k - 1, a, 3)
         Derivative with respect to a small rotation, rad, in the middle of each time step, on the
         body axes there.
@@ -60,13 +61,13 @@ class MoveRows:
     def append_to(self, other, share):
         """Return MoveRows with the rows R of `other`, followed by ``S - share R``, S these rows.
 
-        The subtraction can make the noise of the two parts independent. `other`, MoveRows, has b
-        components per move and does not depend on the force during the move. `share` has the shape
-        (m, a, b).
+        With a suitable `share`, the subtraction makes the noise of the two parts independent.
+        `other`, MoveRows, has b components per move and does not depend on the force during the
+        move. `share` has the shape (m, a, b).
         """
 
         def stack(name, share):
-            """Return the field with a name, of R and of ``S - share R``, stacked by component."""
+            """Return the field `name` of R and then of ``S - share R``, stacked by component."""
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
@@ -99,7 +100,8 @@ def gravity_norm(sensor, f, gravity, D):
     x = sensor.values(f, D)
     norm = np.linalg.norm(x, axis=1, keepdims=True)
     up = (x / norm)[:, None]
-    # |x| changes by the component of x along itself
+    # the derivative of |x| with respect to x is the unit vector along x; [:, None] adds the axis of
+    # the one component
     jacobian = sensor.jacobian(up[:, None], f[:, None], D[:, None])
     return RestRows(residual=norm - gravity, jacobian=jacobian, gain=up @ sensor.gain)
 
@@ -165,10 +167,11 @@ def velocity(linearised, rotation, share=None):
     force, u the upward direction at the rest before, and g gravity. The first component of a
     residual is along u, the other two are horizontal. An error of the attitude changes the vertical
     velocity in second order only, and the horizontal velocity by g times the integral of the error.
-    A small rotation φ during the move adds ``φ × v'``, with v' the velocity gained afterwards.
+    A small rotation φ during the move adds ``φ × v'`` to v, where v' is the velocity that the
+    device gains after it.
 
-    The velocity that the residual of the rotation predicts is subtracted, so that the noise of both
-    residuals is independent.
+    Finally the velocity that the residual of the rotation predicts, `share` times this residual, is
+    subtracted, so that the noise of both residuals is independent.
 
     Parameters
     ----------
@@ -188,7 +191,8 @@ def velocity(linearised, rotation, share=None):
     # C and C f at each sample, (m, k, 3, 3) and (m, k, 3)
     attitude = np.concatenate([np.tile(np.eye(3), (len(u), 1, 1, 1)), after], axis=1)
     force = (attitude @ linearised.force.values(moves.f, design)[..., None])[..., 0]
-    # velocity that each step gains, and v' from the middle of each step to the end
+    # velocity that the device gains in each step (not a derivative, as `gain` of RestRows is), and
+    # v' from the middle of each step to the end
     gain = midpoints(force) * moves.steps[..., None]
     later_gain = gain[:, ::-1].cumsum(axis=1)[:, ::-1] - gain / 2
     v = (linearised.weights[:, None] @ force).swapaxes(1, 2) - gL * u[..., None]

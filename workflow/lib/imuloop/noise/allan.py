@@ -16,8 +16,9 @@ from imuloop.noise.settings import NoiseSettings
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # exponents of the power spectrum of quantisation, white noise, flicker and walk, and the slopes of
-# the deviation between them. The first slope is close to -1, the slope of quantisation: other noise
-# must not be taken for quantisation, which alone has many degrees of freedom at long times
+# the deviation at which one of these kinds of noise gives way to the next. The first slope is close
+# to -1, the slope of quantisation: other noise must not be taken for quantisation, which alone has
+# many degrees of freedom at long times
 EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
 # a slope is measured from averaging times that are shorter by this factor to times longer by it
 REACH = 5.0
@@ -29,8 +30,10 @@ PIECE = 1 << 17
 def session_curves(session, settings, stage="raw"):
     """Return the Allan curves of the rests of a RecordedSession as rows of allan.parquet.
 
-    Takes NoiseSettings, and the text of the column `stage`. Each sensor is on its own clock. The
-    table is empty if the session does not hold a rest, or if AllanTools, an extra, is missing.
+    The result is a DataFrame. `settings` are NoiseSettings, and `stage` is the text of the column
+    of that name. The averaging times of each sensor follow from its own sampling rate. The table is
+    empty if the session does not hold a rest, or if AllanTools, an optional package, is not
+    installed.
     """
     parts = [no_curves()]
     by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
@@ -64,7 +67,8 @@ def allan(values, rate):
     -------
     DataFrame
         A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
-        its 95 % interval by the noise that the slope of the curve shows, `ci_low` and `ci_high`.
+        the ends of its 95 % interval, `ci_low` and `ci_high`. The interval assumes the type of
+        noise that the slope of the curve shows.
 
     Raises
     ------
@@ -97,13 +101,14 @@ def allan_curve(stretches, rate, settings):
     The estimate :math:`s^2` of the Allan variance :math:`\sigma^2` has ν equivalent degrees of
     freedom: :math:`\nu s^2/\sigma^2` is a chi-square variable.
 
-    Takes evenly sampled stretches of the output, any unit, the rate, Hz, and NoiseSettings.
+    `stretches` is a sequence of evenly sampled parts of the output, in any unit; `rate` is the
+    sampling rate, Hz; `settings` are NoiseSettings.
 
     Returns
     -------
     tau, deviation, low, high, edf : ndarray, shape (k,)
-        Averaging times, s, deviation and interval in the unit of the output, degrees of freedom.
-        Empty where no stretch is long enough.
+        Averaging times, s; deviations and the ends of their intervals, in the unit of the output;
+        equivalent degrees of freedom ν. All are empty if no stretch is long enough.
     """
     lengths = [len(x) for x in stretches]
     factors = averaging_factors(max(lengths), settings)
@@ -129,7 +134,8 @@ def averaging_factors(length, settings):
 def term_counts(factors, length):
     """Return the number of overlapping terms in a stretch of `length` samples, or 0 if below 2.
 
-    The averaging factors and the lengths are broadcast against each other.
+    A term is the difference of two consecutive means over m samples, where m is an averaging
+    factor. The arrays `factors` and `length` are broadcast against each other.
     """
     count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
@@ -188,7 +194,7 @@ def degrees_of_freedom(variance, factors, lengths):
     from allantools import edf_greenhall, edf_simple
 
     def of_stretch(exponent, m, length):
-        """Return the degrees of freedom of one stretch at one averaging factor m."""
+        """Return the degrees of freedom of a stretch, for noise of one spectral exponent, at m."""
         # for flicker at m = 1 the simple formula of AllanTools 2024.6 lacks a square
         if (exponent, m) == (-1, 1):
             return edf_greenhall(exponent, 2, m, length + 1, overlapping=True)
@@ -209,7 +215,8 @@ def noise_exponents(variance, factors):
 
     Takes the Allan variance at averaging `factors`, shape (k,). The slope at a factor is measured
     between the deviations at averaging times `REACH` times shorter and longer, on logarithmic
-    scales. The exponent is 0, of white noise, where the slope is not known.
+    scales. All exponents are 0, the exponent of white noise, if the curve has fewer than two points
+    or a variance that is not above 0.
     """
     if len(factors) < 2 or not np.all(variance > 0):
         return np.zeros(len(factors), dtype=int)

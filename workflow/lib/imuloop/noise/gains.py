@@ -35,8 +35,8 @@ def _moving_average(frequency, corner):
 def _second_order_sampled(frequency, corner):
     """Return the power gain, (k,), of a sampled analogue Butterworth filter of order two.
 
-    The gain includes all aliases, over the gain at zero. `frequency`, (k,), and `corner` of the
-    analogue filter are shares of the rate.
+    The gain includes all aliases, and is divided by the gain at zero frequency. `frequency`, (k,),
+    and `corner` of the analogue filter are shares of the rate.
     """
     shares = (np.append(0.0, frequency)[:, None] + np.arange(-20, 21)) / corner
     power = (1 / (1 + shares**4)).sum(axis=1)
@@ -48,9 +48,10 @@ def _spline(degree, frequency, corner):
 
     `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate. White
     noise of a sensor that is resampled in such a way has an autocorrelation that is a B-spline of
-    the lag, in intervals of the sensor or of the average. The `degree` is 1 for values that are
-    held or averaged, 3 for values that are interpolated, and 5 for values that are averaged three
-    times. The power gain is the Fourier transform of the autocorrelation.
+    the lag. The unit of the lag is the sampling interval of the sensor, or the length of the
+    average. The `degree` is 1 for values that are held or averaged, 3 for values that are
+    interpolated, and 5 for values that are averaged three times. The power gain is the Fourier
+    transform of the autocorrelation.
     """
     spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
     covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
@@ -81,20 +82,26 @@ class LowPass:
     def gain(self, frequency):
         """Return the power gain, (k,), at frequencies, (k,), shares of the rate.
 
-        Frequencies above half the rate have the gain of half the rate.
+        A frequency above half the rate gets the gain at half the rate.
         """
         frequency = np.minimum(np.asarray(frequency, float), 0.5)
         return self.floor + (1 - self.floor) * GAINS[self.kind](frequency, self.corner)
 
     def autocovariance(self, count):
-        """Return the covariance of filtered white noise of variance 1 at lags 0 ... count - 1."""
+        """Return the autocovariance of filtered white noise at lags of 0 ... count - 1 samples.
+
+        The noise has the variance 1 before the filter. The result has the shape (count,).
+        """
         covariance = np.zeros(max(count, len(GRID)))
         covariance[: len(GRID)] = irfft(self.gain(GRID))[: len(GRID)]
         return covariance[:count]
 
 
 def term_gain(term, f, rate):
-    """Return the power gain, (k,), of a LowPassTerm at frequencies f, Hz, (k,), by the rate, Hz."""
+    """Return the power gain, (k,), of a LowPassTerm at k frequencies f, Hz.
+
+    `rate` is the sampling rate, Hz.
+    """
     return LowPass(term.kind, term.corner.value / rate, term.floor).gain(f / rate)
 
 

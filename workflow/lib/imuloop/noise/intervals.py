@@ -1,4 +1,7 @@
-"""Coefficients with intervals, and upper limits of those that are not supported."""
+"""Coefficients of the noise terms with intervals, and upper limits of terms not seen.
+
+A term is supported by a record if it passes its significance test; other terms get a limit.
+"""
 
 from functools import cache, reduce
 from math import copysign, exp, log, sqrt
@@ -17,7 +20,8 @@ CLOSE = 1e-5
 STEPS = 0.1 * 4.0 ** np.arange(5)
 # shift of the logarithm of a correlation time for a difference quotient
 SHIFT = 1e-3
-# least coefficient at which a profile begins, as a share of the largest that the spectrum allows
+# in a profile, an estimate below this share of the largest coefficient that the spectrum allows is
+# replaced by this share of it
 SMALL = 1e-3
 
 
@@ -40,7 +44,7 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
     for name in ORDER:
         deviate, start = _profile(selection, plus(wide, name), name)
         if name not in terms:
-            # the sign of a ramp is not known
+            # a ramp may have either sign, so its limit has two sides
             limit = _crossing(deviate, start, EITHER if name == "R" else LIMIT)
             coefficients[name] = Coefficient(upper95=limit)
             continue
@@ -56,13 +60,15 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
 
 
 def _profile(selection, model, name):
-    """Return the profile likelihood of a coefficient in a model that holds it.
+    """Return the profile likelihood of one coefficient of a model, and where to begin a search.
 
-    Returns a function, and the argument of this function at which a search may begin: the logarithm
-    of the likeliest coefficient, or of its standard error if that is larger. The function takes the
-    logarithm of the coefficient in SI. It returns the root of twice the log-likelihood that is lost
-    against the maximum: by how many standard errors the coefficient is above the likeliest one,
-    negative below it.
+    `model` is a tuple of terms, and `name` the letter of the term whose coefficient it is.
+
+    The first result is a function, which takes the logarithm of the coefficient in SI. It returns
+    the root of twice the log-likelihood that is lost against the maximum, negative below the
+    likeliest coefficient. This is the distance from the likeliest coefficient in standard errors.
+    The second result is the argument at which a search may begin: the logarithm of the likeliest
+    coefficient, or of its standard error if that is larger.
     """
     others, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
     units, expected = selection.units(others), selection.units(model) @ fit.theta
@@ -78,7 +84,7 @@ def _profile(selection, model, name):
     @cache
     def deviate(u):
         """Return the signed root of the loss at the logarithm u of the coefficient."""
-        # a ramp among the other terms is fitted; None stands for that
+        # None makes the fit estimate the ramp, if a ramp is among the other terms
         x, free = exp(u), None if "R" in others else 0.0
         ramp = copysign(x, fit.ramp) if name == "R" else free
         value = likelihood.fit(units, ramp, x**2 * unit, start).restricted
@@ -104,7 +110,9 @@ def _crossing(deviate, u, wanted):
 
 
 def _process(selection, terms, wide, tc):
-    """Return the GaussMarkovTerm of the correlation time `tc`, s, one of the supported `terms`.
+    """Return the GaussMarkovTerm of the process with the correlation time `tc`, s.
+
+    The supported `terms` include this process.
 
     The intervals come from the information matrix of the wider model `wide`.
     """

@@ -7,11 +7,11 @@ from math import exp
 import numpy as np
 from scipy.optimize import fminbound, nnls
 
-# rise of the log-likelihood in a round at which a fit ends, by default, and most rounds
+# a fit ends when a round raises the log-likelihood by less than CLOSE, or after ROUNDS rounds
 CLOSE, ROUNDS = 1e-6, 100
 # shares of a step that are tried until the likelihood grows
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
-# smallest expected square, share of the largest measured one: rounding of the transform
+# smallest expected square as a share of the largest measured one: the transform rounds the rest
 ROUNDING = 1e-13
 
 
@@ -26,7 +26,10 @@ def weighted_nnls(units, target, weight):
 
 
 def _normalised(columns):
-    """Return columns, (r, p), over their norms, and the norms, (p,), with 1 for a zero column."""
+    """Return columns, (r, p), divided by their norms, and the norms, (p,).
+
+    The norm of a zero column is replaced by 1.
+    """
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     return columns / size, size
@@ -45,7 +48,7 @@ def likeliest(log_likelihood, low, high, close=1e-5):
 class MaximumLikelihood:
     """The most likely variances of the terms, and the log-likelihood there."""
 
-    theta: np.ndarray  # variances, the factors of the unit spectra, (p,), none negative
+    theta: np.ndarray  # variances, (p,): factors of the unit spectra, none negative
     ramp: float  # SI/s; 0 if no ramp was fitted
     value: float  # log-likelihood, without its constant
     restricted: float  # the restricted log-likelihood where a ramp was fitted, else `value`
@@ -85,18 +88,25 @@ class Likelihood:
     digits: float = 0.0
 
     def power(self, ramp=0.0):
-        """Return the mean squares of all rows without a ramp in SI/s, shape (r,), SI^2."""
+        """Return the mean squares of all rows, (r,), SI^2, after a ramp, SI/s, is subtracted."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=0.0, fixed=0.0, start=None, close=CLOSE):
         r"""Return the MaximumLikelihood of unit spectra.
 
-        The method is Fisher's scoring. Each step is a non-negative least squares, shortened until
-        the likelihood grows. A fitted ramp takes power from the slow modes. The restricted
-        likelihood allows for that,
+        The method is Fisher's scoring. Each step is a non-negative least-squares fit, shortened
+        until the likelihood grows. A fitted ramp takes power from the slow modes. The restricted
+        likelihood :math:`\ell_R` and the expected power :math:`E p_r` of a slow mode allow for
+        that:
 
-        .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
-            \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k
+        .. math::
+            \ell_R = \ell - \frac{\bar w}{2} \ln \sum_r w_r \rho_r^2/s_r, \quad
+            E p_r = s_r - \bar w \rho_r^2 \Big/ \sum_k w_k \rho_k^2/s_k, \quad
+            \bar w = \sum_r w_r \rho_r^2 \Big/ \sum_r \rho_r^2
+
+        In slow mode r, :math:`\rho_r` is the amplitude of a ramp of 1 SI/s, :math:`s_r` the
+        expected mean square and :math:`w_r` the weight. The mean weight :math:`\bar w` is 1 if all
+        weights are.
 
         The restricted likelihood is maximised if a ramp is fitted, and two models with a ramp are
         compared by it. A model with a ramp and one without are compared by the plain likelihood
@@ -120,7 +130,7 @@ class Likelihood:
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope, power = ramp, self.power(ramp or 0.0)
-        # mean weight of the slow modes, by their share of a ramp
+        # mean weight w of the slow modes: each counts by its share of the power of a ramp
         weight = self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
@@ -131,6 +141,7 @@ class Likelihood:
         def values(expected):
             """Return the plain and the restricted log-likelihood for expected squares, (r,)."""
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
+            # the second result of `ramp` is the information about the ramp, Σ w rho²/s
             lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
             return float(value), float(value - lost)
 
@@ -150,8 +161,8 @@ class Likelihood:
                 taken[: len(self.rho)] = weight / information * self.rho**2
             value, restricted = values(expected)
             before, growth, last = growth, restricted - last, restricted
-            # near the maximum each round gains a fixed share of the gain of the round before: the
-            # sum of all later gains is small enough
+            # near the maximum each round gains a fixed share of the gain of the round before: so
+            # two gains give the sum of all later ones, and the fit ends if this sum is small enough
             steady = start is not None and before < np.inf
             if growth < close or (steady and growth**2 < close / 10 * before):
                 break
@@ -164,19 +175,25 @@ class Likelihood:
         return MaximumLikelihood(theta, float(slope), value, restricted)
 
     def covariance(self, derivatives, expected):
-        """Return the covariance of p parameters, (p, p), by the information matrix.
+        """Return the covariance of p parameters, (p, p): the inverse of the information matrix.
 
-        Takes the derivatives of the expected mean squares by the parameters, (r, p), and the
-        expected mean squares, (r,).
+        `derivatives`, (r, p), are those of the expected mean squares s, `expected`, (r,), with
+        respect to the parameters. A mean square of n values has the variance ``2 s²/n``, so the
+        information of a row about s is ``n/2s²``; with the weight w of the row it is ``w n/2s²``.
         """
+        # rows whose products add up to the information matrix: root of w n/2, over s
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
         rows, size = _normalised(rows / self.above_rounding(expected)[:, None])
+        # columns of length one: parameters of different units would lose digits. The pseudo-inverse
+        # is finite even if the rows cannot tell two parameters apart, or do not show one
         return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
     def ramp(self, expected):
-        """Return the likeliest ramp, SI/s, for expected squares, (r,), and its information, s²/SI².
+        """Return the likeliest ramp, SI/s, and the information about it, s²/SI².
 
-        The information is the inverse of the variance of the ramp.
+        `expected`, (r,), are the expected mean squares of all rows, SI^2.
+
+        The information is the inverse of the variance of the ramp. Each row counts by its weight.
         """
         slow = len(self.rho)
         weight = self.count[:slow] * self.rho / self.above_rounding(expected[:slow])
@@ -189,5 +206,5 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, measured or expected, raised to the floor of rounding."""
+        """Return mean squares, SI^2, of which the smallest are raised to the floor of rounding."""
         return np.maximum(squares, self.floor)

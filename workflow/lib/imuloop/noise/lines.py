@@ -8,7 +8,7 @@ from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_at_one, chance_over_band
 from imuloop.noise.sinusoids import fit_sinusoid
 
-# relative difference between the clocks of two power cycles within which a line is the same
+# largest relative difference of the clocks, and so of the frequency of a line, in two power cycles
 SAME_CLOCK = 1e-4
 # mains, Hz, and names of the harmonics
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
@@ -20,9 +20,9 @@ WANDER, CLOCK = 1e-3, 2e-4
 class Line:
     """A line in the spectrum of one axis.
 
-    `frequency`, Hz, and `amplitude`, SI of the axis, are those in the signal where the line stands
-    out most. The amplitude is too low if the line wanders. `sinusoids` holds the FittedSinusoid of
-    each signal that shows the line, by the index of the signal.
+    `frequency`, Hz, and `amplitude`, in the SI unit of the axis, come from the signal in which the
+    line stands out most. The amplitude is too low if the line wanders. `sinusoids` holds the
+    FittedSinusoid of each signal that shows the line, by the index of the signal.
     """
 
     frequency: Coefficient
@@ -36,26 +36,29 @@ class Line:
 
 
 def find_line(signals, spectrum, level):
-    """Return the most significant Line; None if noise explains it.
+    """Return the most significant Line of an axis, or None if noise explains the highest peak.
 
-    A line is the highest peak of a `Periodogram` over its background, if the chance of such a peak
-    in noise is below the level. Each signal is tested alone, but the chance is that of such a peak
-    at any independent frequency of any signal. Powers of two sessions do not add: their clocks
-    differ by more than the width of a line.
+    The height of a peak is the periodogram of a signal over its local background (`Periodogram`).
+    The highest peak is a line if noise has so high a peak at any independent frequency of any
+    signal with a probability of at most `level`. The powers of the signals are not added, because
+    the clocks of two sessions differ by more than the width of a line. Another signal shows the
+    same line if its highest peak near this frequency passes the same test in the range that was
+    searched.
 
     Parameters
     ----------
     signals : sequence of Signal
-        Values of an axis, SI.
+        Values of the axis in each power cycle, SI.
     spectrum : callable
         One-sided density of the noise, SI^2/Hz, as a function of frequency in Hz.
     level : float
-        Chance of finding a line in noise that has none.
+        Probability of finding a line in noise that has none.
 
     Returns
     -------
     Line or None
-        None also where no signal is long enough.
+        The line, with the standard errors of its frequency and amplitude. None also if no signal is
+        long enough.
 
     References
     ----------
@@ -70,14 +73,16 @@ def find_line(signals, spectrum, level):
     sinusoids, frequency = {best: strongest}, strongest.frequency
     for i in periodograms.keys() - {best}:
         span = signals[i].span
-        # how far the frequency of the same line may be: widths of the peaks, and error of the
-        # clocks
+        # largest distance from the frequency of the same line in the other signal: the widths of
+        # both peaks, and the difference of the two clocks
         reach = 1 / signals[best].span + 1 / span + SAME_CLOCK * frequency
         if frequency * span >= SHORTEST:
             _, peak = periodograms[i].highest(frequency - reach, frequency + reach)
             sinusoid = fit_sinusoid(signals[i], peak)
             if chance_over_band(periodograms[i].chance(sinusoid), 2 * reach * span) <= level:
                 sinusoids[i] = sinusoid
+    # the standard errors of a sinusoid are for white noise of variance 1: `error` is the standard
+    # deviation of white noise that has the density of the noise at this frequency
     error = np.sqrt(periodograms[best].noise(frequency)[0])
     return Line(
         Coefficient.of(frequency, error * strongest.frequency_std),
@@ -87,25 +92,31 @@ def find_line(signals, spectrum, level):
 
 
 def strongest_peak(signals, spectrum, level):
-    """Return the highest peak over the background, if its chance in noise is below the level.
+    """Return the highest peak of all signals, if noise rarely has a peak as high.
 
-    Returns the frequency of the peak in Hz, or None; the index of the signal with the peak; and the
-    Periodograms by index of the signal. Signals that are too short are left out. Takes Signals of
-    an axis; the density of the noise, SI^2/Hz, a function of frequency in Hz; and the level.
+    The results are the frequency of the peak in Hz; the index of the signal with the peak; and a
+    dict of Periodograms by the index of the signal, without signals that are too short. The
+    frequency is None if the probability of such a peak in noise is above `level`, and the index too
+    if all signals are too short. `signals` is a sequence of Signals of an axis, and `spectrum` the
+    density of the noise, SI^2/Hz, a function of frequency in Hz.
     """
     all_signals = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
     periodograms = {i: periodogram for i, periodogram in all_signals.items() if periodogram}
     if not periodograms:
         return None, None, {}
     height, frequency, best = max((*p.highest(), i) for i, p in periodograms.items())
-    # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
+    # the true peak may lie between two frequencies of the padded transform, and is then higher than
+    # the height there by up to 1/sinc^2(1/4) = 1/0.81
     chance = chance_at_one(height / 0.81, periodograms[best].noise(frequency)[1])
     rare = _chance_anywhere(periodograms, chance) <= level
     return frequency if rare else None, best, periodograms
 
 
 def _chance_anywhere(periodograms, chance):
-    """Return the chance of a peak anywhere in Periodograms, from the `chance` at one frequency."""
+    """Return the chance of a peak at any frequency of any signal, from the chance at one.
+
+    `periodograms` is a dict of Periodogram, and `chance` the probability at one frequency.
+    """
     return chance_over_band(chance, sum(p.independent for p in periodograms.values()))
 
 
@@ -113,13 +124,14 @@ def mains(frequency, rate):
     """Return the name of the mains harmonic at a frequency, Hz, or None if mains do not fit.
 
     An example is ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The
-    name is the lowest harmonic that fits, of both mains where both fit. The harmonic h of
-    :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a whole number and r the rate. The
-    window to either side is 1.2 per mille of :math:`h f_0`: 1 per mille for the wander of mains,
-    and 200 ppm for the clock behind the time stamps, whose error scales all logged frequencies.
-    Nothing is named within a window of zero, where any slow line would be, nor where the window is
-    wider than 0.8 % of the band. The chance that a line lies in a window by accident is 3 % at 100
-    and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
+    name gives the lowest harmonic of the 50 Hz or of the 60 Hz mains that fits; if both mains fit,
+    it gives both. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a
+    whole number and r the rate. The window to either side is 1.2 per mille of :math:`h f_0`: 1 per
+    mille for the wander of mains, and 200 ppm for the clock behind the time stamps, whose error
+    scales all logged frequencies. A line whose frequency is below the window is not named, since
+    any slow line would fit. Nor does a harmonic count if its window is wider than 0.8 % of the
+    band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 % at 1
+    kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

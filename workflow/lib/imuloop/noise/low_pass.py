@@ -26,13 +26,14 @@ ROUGH = 0.01
 
 
 def choose_low_pass(selection):
-    """Return a Selection behind the most likely low-pass filter, or unchanged if it needs none.
+    """Return the Selection with the most likely low-pass filter, or unchanged without one.
 
-    Each parameter has to gain `PRICE` in log-likelihood, so that a filter is not taken for a
-    Gauss-Markov process, nor the process for a filter. A filter has two parameters, or three with a
-    floor, a process has two, and another term one.
+    A filter is chosen only if each of its parameters raises the log-likelihood by `PRICE`, so that
+    a filter is not taken for a Gauss-Markov process, nor the process for a filter. A filter has two
+    parameters, or three with a floor, a process has two, and another term one.
     """
     modes, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
+    # the fitted ramp is subtracted first, so that no fit of a filter has to fit it again
     level = replace(selection, likelihood=replace(modes, slow=modes.slow - ramp * modes.rho))
     unfiltered = level.fit(NAMES)
     start = np.append(unfiltered.theta, 0.0)
@@ -43,7 +44,8 @@ def choose_low_pass(selection):
     if max(map(max, values.values())) - unfiltered.value < 2 * PRICE:
         return selection
     fits = [_fit_corner(level, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
-    # a record that is too short to tell takes the simpler name
+    # a filter by resampling has to be more likely by `PRICE`: a record that is too short to tell
+    # gets a simpler filter
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     filtered = replace(selection, low_pass=low_pass)
     better = _score(filtered) > _score(selection) and _filters_white(filtered)
@@ -51,11 +53,12 @@ def choose_low_pass(selection):
 
 
 def _fit(selection, kind, corner, start=None, close=CLOSE):
-    """Return the log-likelihood of Q, N, B, K behind a filter, and the LowPass.
+    """Return the log-likelihood of the terms Q, N, B, K behind a filter, and the LowPass.
 
-    The floor of the filter is fitted too. `corner` is a share of the rate. `start` holds variances
-    of Q, N, B, K and of the white noise behind the filter near the maximum. The fit ends when the
-    log-likelihood grows by less than `close`.
+    `kind` is a key of `GAINS`, and `corner` a share of the sampling rate.
+    The floor of the filter, the share of white noise that enters behind it, is fitted too. `start`,
+    (5,), holds variances near the maximum: of Q, N, B, K and of the white noise behind the filter.
+    The fit ends when the log-likelihood grows by less than `close`.
     """
     low_pass = LowPass(kind, float(corner))
     units = replace(selection, low_pass=low_pass).units(NAMES)
@@ -67,7 +70,10 @@ def _fit(selection, kind, corner, start=None, close=CLOSE):
 
 
 def _fit_corner(selection, kind, near):
-    """Return log-likelihood and LowPass of a filter at the likeliest corner around `near`."""
+    """Return the log-likelihood and the LowPass of a filter at the likeliest corner near `near`.
+
+    `kind` is a key of `GAINS`; corners are shares of the sampling rate.
+    """
     step = CORNERS[1] / CORNERS[0]
     ends = near / step, min(near * step, HIGHEST)
     corner = likeliest(lambda corner: _fit(selection, kind, corner)[0], *ends, close=3e-4)
@@ -84,7 +90,10 @@ def _score(selection):
 
 
 def _filters_white(filtered):
-    """Return whether white noise is most of the power in front of a filter at the corner."""
+    """Return whether white noise is most of the power at the corner frequency of a filter.
+
+    The power is taken in front of the filter. `filtered` is the Selection with the filter.
+    """
     noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
     slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
     return corner >= CORNERS[0] and density(slow, corner * rate, rate) < 2 * noise.N.square
@@ -93,8 +102,8 @@ def _filters_white(filtered):
 def leakage_weights(filtered):
     """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
 
-    Where a filter leaves next to nothing, the squares of a block are leakage from lower frequencies
-    by the ends of the block: many values, of which few are independent.
+    At frequencies where a filter leaves next to nothing, the ends of each block of samples leak
+    power from lower frequencies. The many squares there then hold few independent values.
     """
     modes, low_pass = filtered.modes, filtered.low_pass
     gain = low_pass.gain(modes.frequency * modes.dt)
@@ -102,11 +111,11 @@ def leakage_weights(filtered):
 
 
 def likeliest_corner(filtered, terms):
-    """Return a Selection behind a filter at its likeliest corner, its LowPassTerm, and a factor.
+    """Return the Selection with its filter at the likeliest corner, the LowPassTerm, and a factor.
 
-    Takes a Selection behind the filter, and the supported terms. Standard errors come from the
-    information matrix. The factor is the standard error of N, as a multiple of the standard error
-    that N would have at a known corner.
+    `filtered` is a Selection with a filter, whose corner is near the likeliest one, and `terms` are
+    the supported terms. Standard errors come from the information matrix. The factor is the
+    standard error of N, as a multiple of the standard error that N would have at a known corner.
     """
 
     def behind(corner):

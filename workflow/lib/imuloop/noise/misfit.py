@@ -44,7 +44,10 @@ def misfit(selection, terms):
         return 0.0, np.ones(len(group))
 
     def around(values):
-        """Return the sums over half a decade to each side of each group, without unused groups."""
+        """Return the sums of `values` over half a decade to each side of each group.
+
+        Groups without weight are left out.
+        """
         return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
     near = np.maximum(around(1.0), 1)

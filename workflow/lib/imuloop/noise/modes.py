@@ -45,10 +45,11 @@ def expected_squares(covariance):
 def _contrasts(start, m):
     """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
 
-    Takes the first sample of each block of m samples, (k,). The contrasts of a walk are
-    uncorrelated. If no gap lies between the blocks, the contrasts are the cosine transform, and the
-    distances are those from the first block, (k,). Otherwise the distances are those between all
-    blocks, (k, k). Distances are in samples.
+    `start`, (k,), has the number of the first sample of each block of m samples. The contrasts are
+    combinations of the means in which a random walk is uncorrelated. If no gap lies between the
+    blocks, the contrasts are the cosine transform, and the distances are those from the first
+    block, (k,). Otherwise the distances are those between all blocks, (k, k). Distances are in
+    samples.
     """
     n = len(start)
     if (np.diff(start) == m).all():
@@ -58,7 +59,8 @@ def _contrasts(start, m):
     walk = -distance / 2.0
     walk -= walk.mean(axis=0)
     walk -= walk.mean(axis=1, keepdims=True)
-    # the level, the null direction of the walk, goes far above all others
+    # the mean of all blocks has no part in a walk without its mean: a large eigenvalue sorts it
+    # last, where it is left out
     top = 2 * np.trace(walk) + 1
     return distance, np.linalg.eigh(walk + top / n)[1][:, -2::-1]
 
@@ -66,7 +68,8 @@ def _contrasts(start, m):
 def _squares(distance, contrasts, processes):
     """Return the expected squares of the contrasts of a level, (c, k - 1).
 
-    Takes the results of `_contrasts`, and c covariances of the means at the distances.
+    `distance` and `contrasts` are the results of `_contrasts`. `processes` has c arrays in the
+    shape of `distance`: the covariance of the means by each process.
     """
     if distance.ndim == 1:
         return expected_squares([*processes])
@@ -110,10 +113,10 @@ class Modes:
     dt : float
         Interval of the samples, s.
     m : int
-        Samples of a block.
+        Number of samples of a block.
     span, longest_level, usual_level : float
-        Longest power cycle, s; longest time without a new level; and the time without a new level
-        that half of the samples exceed.
+        Length of the longest power cycle, s; longest time without a new level, s; and the usual
+        one, s: half of the samples lie in levels that are longer.
     frequency, count : ndarray, shape (r,)
         Frequency of each row, Hz, and the number of values behind it. The rows are the slow modes
         one by one, and then bins of the fast ones.

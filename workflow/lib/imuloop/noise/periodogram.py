@@ -121,14 +121,17 @@ class Periodogram:
         )
 
     def highest(self, low=0.0, high=np.inf):
-        """Return height and frequency, Hz, of the highest peak between two frequencies, Hz."""
+        """Return height x and frequency, Hz, of the highest peak between two frequencies, Hz."""
         ends = np.array([low, high]) / self.step - self.first
         i, j = np.clip(ends, 0, len(self.ratio) - 1).astype(int)
         index = i + int(self.ratio[i : j + 1].argmax())
         return float(self.ratio[index]), (self.first + index) * self.step
 
     def noise(self, frequency):
-        """Return the variance of white noise of the density at a frequency in Hz, SI^2, and m."""
+        """Return the variance of white noise with the density at a frequency in Hz, SI^2, and m.
+
+        m is the fewest independent values in the block of this frequency and in its two neighbours.
+        """
         index = np.searchsorted(self.edges[1:-1], frequency / self.step - self.first, side="right")
         return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]
 

@@ -13,10 +13,11 @@ SHORT, NEAR = 64, 32
 def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of means over m samples for each process, SI, of the shape of `d`.
 
-    The first four are for unit Q, N, B, K. The others are for Gauss-Markov processes of variance 1,
-    one for each of the correlation times, s. `d` is the distance from the start of one mean to that
-    of the other in samples, 0 or at least m, in an evenly sampled record; `dt` is the sample
-    interval Δt, s. For single samples, with m = 1 and the correlation time T, it is:
+    The first four arrays are for the unit coefficients Q, N, B, K. The others are for Gauss-Markov
+    processes of variance 1, one for each of the `correlation_times`, s. The record is evenly
+    sampled, with the interval `dt` = Δt, s. `d` is the distance in samples from the start of one
+    mean to the start of the other, 0 or at least m. For single samples, with m = 1 and the
+    correlation time T, the covariance is:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
@@ -38,7 +39,8 @@ def covariances(d, m, dt, correlation_times=()):
     yield _flicker_samples(d) if m == 1 else _flicker_means(d, m)
     yield np.where(same, -(m * m - 1) / (6 * m), -d / 2) * dt
     for tc in correlation_times:
-        # phi, 1 - phi and 1 - phi^m, without cancellation where the process is slow
+        # phi is the correlation of neighbouring samples; 1 - phi and 1 - phi^m are computed without
+        # cancellation for slow processes
         phi, one_less, whole = np.exp(-dt / tc), -np.expm1(-dt / tc), -np.expm1(-m * dt / tc)
         variance = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
         apart = np.exp(-np.maximum(d - m + 1, 0) * dt / tc) * (whole / one_less) ** 2 / m**2

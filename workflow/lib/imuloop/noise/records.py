@@ -31,7 +31,7 @@ LOST, TEMPERATURE_RANGE = 1e-3, 2.0
 class RecordedSession:
     """One session of a device: name, kind, samples in SI and segments by column.
 
-    `samples` is empty where the session was rejected.
+    `samples` is empty if the session was rejected.
     """
 
     name: str
@@ -77,7 +77,10 @@ class Record:
 
 
 def read_recorded(name, files):
-    """Return the RecordedSession with a name; `files` has its kind, and paths by name."""
+    """Read the RecordedSession `name`.
+
+    `files` is a dict with the ``kind`` of the session and the paths of its files.
+    """
     segments = read_columns(files["segments"])
     return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
@@ -106,7 +109,7 @@ def record_of(session):
         here = cycle == number
         i, lengths = first[here], (last - first)[here]
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(lengths) - lengths
-        # time stamps that scatter must not lay one stretch over another
+        # scattered time stamps must not make one stretch overlap the next
         start = before + np.maximum.accumulate(start - before)
         levels = np.unique(level[here], return_inverse=True)[1]
         signals.append(Signal(rate, start, lengths, levels))
@@ -115,7 +118,7 @@ def record_of(session):
 
 
 def _steady_rests(segments):
-    """Return the rests whose noise is the sensors' own, a mask of the segments, (n,).
+    """Return the rests in which only the sensors make noise, a mask of the n segments, (n,).
 
     These are all rests, unless the device tilts in some rests. Then only rests without a tilt
     count, or the third with the least tilt if there is none. Of these, rests shorter than half the
@@ -156,9 +159,9 @@ def records_by_sensor(sessions, notes):
     """Return the Records to use, a list of pairs: the names of sensors, and their Records.
 
     Sensors share their Records if the same sessions hold both, on one clock. A sensor without a
-    rest is in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds
-    which sessions are left out and what limits the coefficients, with the name of the sensor if
-    there are two lists of Records.
+    rest is in no pair. `sessions` is a list of RecordedSessions. To the list `notes` the function
+    adds which sessions are left out and what limits the coefficients, with the name of the sensor
+    if the sensors do not share their Records.
     """
     two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
     groups, pairs = {}, []

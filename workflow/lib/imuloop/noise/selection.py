@@ -16,15 +16,17 @@ from imuloop.noise.likelihood import Likelihood, likeliest
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
 
-# shortest correlation time that is tried, in samples: a filter does the same as a shorter one
+# shortest correlation time that is tried, in samples: a low-pass filter has the same spectrum as a
+# process with a shorter one
 SHORTEST = 10.0
-# longest one, share of the usual time without a new level: a longer process looks like a walk
+# longest correlation time, as a share of the usual time without a new level: a process with a
+# longer one looks like a walk
 LONGEST = 1 / 8
 # independent tests per decade of correlation times
 TESTS = 2.5
-# processes at most
+# largest number of Gauss-Markov processes
 MOST = 3
-# gain in log-likelihood that does not count: each fit ends within this distance of the maximum
+# a smaller gain in log-likelihood counts as none: each fit ends within this distance of the maximum
 NOTHING = 1e-4
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # rests that are shorter, each at its own level, say little of the change between them
@@ -85,7 +87,7 @@ class Selection:
         return self._fits[terms]
 
     def noise(self, terms):
-        """Return the AxisNoise of terms but a ramp, with fitted values and without intervals."""
+        """Return the AxisNoise with the fitted values of terms, without intervals or a ramp."""
         values = dict(zip(variances(terms), np.sqrt(self.fit(terms).theta), strict=True))
         letters = {name: Coefficient(values[name]) for name in values if name in NAMES}
         drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
@@ -107,7 +109,7 @@ class Selection:
 
     @property
     def times(self):
-        """Correlation times that are tried, s."""
+        """Correlation times that are tried for Gauss-Markov processes, s."""
         times = self.modes.correlation_times
         longest = LONGEST * self.modes.usual_level
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
@@ -123,9 +125,9 @@ class Selection:
         """The supported terms, a tuple.
 
         The search starts from all candidates but a ramp. First, terms that fail their test are
-        removed, the worst first. Then the absent term that passes its test best is added, and a
-        Gauss-Markov process only if no other term passes. Both steps are repeated until nothing
-        changes.
+        removed, the worst first. Then the absent term that passes its test best is added. A
+        Gauss-Markov process is added only if no other absent term passes. Both steps are repeated
+        until nothing changes.
         """
         terms, seen = variances(self.candidates), []
         while terms not in seen:

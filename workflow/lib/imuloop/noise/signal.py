@@ -86,15 +86,15 @@ class Signal:
 
     @cached_property
     def power(self):
-        """Squared Fourier transform over a factor, shape (f,), and the factor, SI^2.
+        """Squared magnitude of the Fourier transform over a factor, (f,), and the factor, SI^2.
 
         Before the transform, the mean of each level and one slope are subtracted, gaps are filled
         with zeros, and the record is padded to twice its length or a little more.
         """
         t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
         x -= (t @ x) / (t @ t) * t
-        # a power of two keeps squares within single precision; its rounding lies 14 decades below
-        # the variance
+        # values of size one keep the squares within single precision, whose rounding lies 14
+        # decades below the variance; dividing by a power of two does not round
         size = 2.0 ** np.rint(np.log2(x.std() or 1.0))
         filled = np.zeros(16 * fft.next_fast_len(-(-self.extent // 8)), np.float32)
         for start, part in zip(self.starts, self.split(x), strict=True):

@@ -12,12 +12,13 @@ ROUNDS, CLOSE = 8, 1e-3
 
 @dataclass(frozen=True)
 class FittedSinusoid:
-    """Sinusoid in one Signal by least squares."""
+    """A sinusoid that was fitted to one Signal by least squares."""
 
     frequency: float  # Hz
-    # of cosine and sine, SI; the phase is 0 in the middle between the first and the last sample
+    # (2,): amplitudes of cosine and sine, SI; the phase is 0 midway between the first and the last
+    # sample
     amplitudes: np.ndarray
-    explained: float  # sum of squares that the sinusoid takes, SI^2
+    explained: float  # by how much the sinusoid lowers the sum of squares, SI^2
     # standard errors of amplitude and frequency in white noise of variance 1 SI^2
     amplitude_std: float
     frequency_std: float
@@ -31,15 +32,15 @@ class FittedSinusoid:
 def fit_sinusoid(signal, frequency):
     """Return the FittedSinusoid of a Signal, fitted together with levels and a slope.
 
-    The method is Gauss-Newton. It starts from `frequency`, Hz, which is right within 1/(4 span); no
-    step is longer than that.
+    The method is Gauss-Newton. It starts from `frequency`, Hz, which has to be right within 1/(4
+    span), where span is the duration of the Signal. No step is longer than that.
     """
     step = 1 / (4 * signal.span)
     for _ in range(ROUNDS):
         products = _products(signal, frequency)
         cosine, sine = np.linalg.solve(products[1:4, 1:4], products[1:4, 0])[1:]
-        # derivative of the sinusoid by the frequency at the time u span/2, with the amplitudes
-        # `sine` and `cosine`: pi span u (sine cos - cosine sin)
+        # derivative of the sinusoid with respect to the frequency at the time u span/2, with the
+        # amplitudes `sine` and `cosine`: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
         mix[4, 4:] = np.pi * (signal.extent - 1) / signal.rate * np.array([sine, -cosine])
         gram = mix @ products @ mix.T
@@ -53,6 +54,7 @@ def fit_sinusoid(signal, frequency):
     return FittedSinusoid(
         frequency=frequency,
         amplitudes=amplitudes,
+        # the second term is the part that the slope explains without the sinusoid
         explained=float(fit @ gram[1:, 0] - gram[0, 1] ** 2 / gram[1, 1]),
         amplitude_std=float(np.sqrt(direction @ covariance[1:3, 1:3] @ direction)),
         frequency_std=float(np.sqrt(covariance[3, 3])),
@@ -60,9 +62,9 @@ def fit_sinusoid(signal, frequency):
 
 
 def _products(signal, frequency):
-    """Return the sums of products of the six rows of `_chunks` over all samples, (6, 6).
+    """Return the sums over all samples of the products of the six rows of `_chunks`, (6, 6).
 
-    In these sums, each row is taken without its mean over each level.
+    Before the products, the mean of each row over each level is subtracted.
     """
     number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))

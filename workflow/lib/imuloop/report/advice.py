@@ -1,4 +1,4 @@
-"""The most useful next step for a device, with its gain, from the numbers of its results."""
+"""The most useful next step for a device, and its gain, by the numbers of its results."""
 
 import re
 
@@ -20,7 +20,7 @@ MANY, MANY_SHORT = 0.1, 0.2
 # the least span of temperature that can show an effect, K, and the correlation of temperature with
 # time from which on a fit cannot tell one from the other
 SPAN_K, MONOTONE = 2.0, 0.9
-# an error matters if it exceeds the noise of a mean of one second by this factor
+# an error of readings matters if it exceeds the noise of a mean over one second by this factor
 MATTERS = 2.0
 # a further rest or turn is worthwhile if it lowers a standard error by this share
 NOTICEABLE = 0.01
@@ -31,7 +31,9 @@ DECLARED = re.compile(r"see (units|--\S+-unit)")
 
 
 def next_step(device):
-    """Return the most useful next step in words.
+    """Return the most useful next step for a device, a sentence.
+
+    `device` has the DeviceResults.
 
     A fault of a recording comes first; hours at rest come last, as they show noise alone. Among
     steps of one rank, the one with the largest gain comes first. A gain is the share by which the
@@ -40,7 +42,7 @@ def next_step(device):
     mend = (_rejected, _doubted, _first_session, _clipped, _short_rests, _tilted_rests)
     record = (_missing, _limit, _hole, _heat_and_cool)
     ranks = mend, record, (_static_record,)
-    # a wrong log or entry makes every other number doubtful
+    # if a log or its declaration is wrong, every other number is doubtful
     misdeclared = any(s.quality["misdeclared"] for s in device.sessions)
     for sources in ((_rejected,),) if misdeclared else ranks:
         if steps := [step for source in sources for step in source(device)]:
@@ -70,7 +72,7 @@ def _doubted(device):
 def _first_session(device):
     """Yield the step to record a multi_position session, if there are too few poses to test."""
     sessions = [s for s in device.sessions if s.kind == "multi_position"]
-    # a rejected one has its own step, which asks for the same
+    # a rejected session has its own step, which asks for the same
     if sum(s.poses for s in sessions) < TESTABLE and not any(s.rejected for s in sessions):
         numbers = {"rest": INITIAL_REST_S, "poses": POSES, "testable": TESTABLE}
         yield 1.0, "first_session", numbers
@@ -109,7 +111,7 @@ def _tilted_rests(device):
 
 
 def _missing(device):
-    """Yield what to do about each residual above its floor, and about too low a rate."""
+    """Yield the step against each residual above its floor, and against too low a sampling rate."""
     found = blocks(device.diagnosis)
     above = [b for b in found if b["verdict"] in ABOVE]
     for b in found:
@@ -138,7 +140,11 @@ def _missing(device):
 
 
 def _limit(device):
-    """Yield the parameter that limits readings, if it matters, and the best way to improve it."""
+    """Yield the step to improve the parameter that limits readings, if its error matters.
+
+    The error matters if it exceeds the noise by the factor `MATTERS`. A step that lowers its
+    standard error by less than the share `NOTICEABLE` is left out.
+    """
     now = device.diagnosis.get("next_step")
     if not now or now["ratio"] <= MATTERS:
         return

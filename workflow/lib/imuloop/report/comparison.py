@@ -29,10 +29,10 @@ COMPARED = ("final", "logged", "after", "floor", "prior")
 def summarise(device):
     """Return the content of summary.json, a device's part of the comparison.
 
-    ``values`` are rows of the long table; ``filter`` {name: {value, axis, limit, raised_from}} is
-    noise for a filter; ``allan`` is {channel: {tau_s, adev}}; ``answers`` and ``card`` are texts of
-    `findings`, ``loop`` the errors of `loop_errors`; ``verdicts`` are by sensor and kind of data;
-    ``calibrated`` is whether there is a calibration to use.
+    Its keys: ``values`` are rows of the long table; ``filter`` {name: {value, axis, limit,
+    raised_from}} is the noise for a filter; ``allan`` is {channel: {tau_s, adev}}; ``answers`` and
+    ``card`` are texts of `findings`; ``loop`` has the errors of `loop_errors`; ``verdicts`` has the
+    verdict by sensor and kind of data; ``calibrated`` says whether there is a calibration to use.
     """
     found, final = blocks(device.diagnosis), device.calibrations.get("final")
     loop = loop_errors(device, found) if device.calibrations else []
@@ -69,10 +69,11 @@ def summarise(device):
 
 
 def filter_noise(device, final):
-    """Return white noise and random walk for a filter, SI, and the rate of the logs, Hz.
+    """Return white noise and random walk for a filter, SI, and the sampling rate of the logs, Hz.
 
-    Each sensor has one N and one K, of the worst axis of calibrated samples. A term that was not
-    seen has its 95 % upper limit; values are raised if N and K would not bound the Allan curve.
+    Each sensor has one N and one K: the largest of its axes, for calibrated samples. A term that
+    was not seen has its 95 % upper limit; values are raised if N and K would not bound the Allan
+    curve.
     """
     rates = [s.quality["rate_hz"] for s in device.used]
     content = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
@@ -89,8 +90,8 @@ def filter_noise(device, final):
 class Cell(NamedTuple):
     """A cell of the comparison: its text, small text below, and the number it is sorted by.
 
-    The number may have a `mark`, the size that the data sheet states; both have their places along
-    a bar, in per cent.
+    A cell may have a `mark`, the size that the data sheet states. `place` and `mark_place` are the
+    places of the number and of the mark along a bar, in per cent.
     """
 
     text: str
@@ -102,7 +103,11 @@ class Cell(NamedTuple):
 
 
 def placed(rows):
-    """Return rows of cells, a row per device, with places by the logarithms of a column's sizes."""
+    """Return the rows with the places of all cells along the bars of their columns.
+
+    There is a row of Cells per device. A place is linear in the logarithm of the size, from the
+    smallest size of the column to the largest.
+    """
     columns_of_cells = []
     for column in zip(*rows, strict=True):
         sizes = [x for cell in column for x in (cell.value, cell.mark) if x and x > 0]
@@ -114,7 +119,8 @@ def placed(rows):
 
         columns_of_cells.append(
             [
-                # a rate has no axis, and nothing to compare
+                # only a cell with small text below gets a bar: a sampling rate has none, as it is
+                # not compared
                 c._replace(place=place(c.value), mark_place=place(c.mark)) if c.below else c
                 for c in column
             ]
@@ -132,9 +138,9 @@ def columns(sensor):
 def pivot(summary, sensor):
     """Return five `Value` rows for each quantity of a sensor, for its worst axis.
 
-    They are the row with the largest value, the row with an upper limit above that value, the row
-    of the noise as logged, the row of the floor of a residual, and the row of the tolerance, or of
-    the data sheet's noise; None if absent.
+    These are the row with the largest value; a row with an upper limit above that value; the noise
+    of samples as logged; the floor of a residual; and the tolerance, or the noise, by the data
+    sheet. A row that is absent is None. The result is a dict by quantity.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     found = {}
@@ -147,19 +153,19 @@ def pivot(summary, sensor):
 
 
 def cells(summary, sensor):
-    """Return the cells of a device in a sensor's comparison, not yet `placed`."""
+    """Return the cells of a device in the comparison of a sensor, a list without places."""
     worst_axes = pivot(summary, sensor)
     return [_cell(*worst_axes[quantity], unit) for quantity, unit in columns(sensor).items()]
 
 
 def _cell(largest, limit, logged, floor, prior, display):
-    """Return the cell of a quantity, given its rows as in `pivot` and the unit of the column."""
+    """Return the cell of a quantity, given its rows (`pivot`) and the Display of the column."""
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:
         return Cell(NO_NUMBER)
     if floor:
         column, display = display, data_sheet(floor.unit)
-        # a residual may be of another kind than the column
+        # the residual may have another unit than the column
         unit = f"\u202f{display.unit}" if column != display else ""
         below.append(f"floor {display.size(floor.value, 2)}")
     if worst_row.axis:
@@ -180,7 +186,7 @@ def verdict_rank(verdicts):
 
 
 def filter_cells(summary):
-    """Return the cells of a device's rate, Hz, and its noise for a filter, SI.
+    """Return the cells of the sampling rate of a device, Hz, and of its noise for a filter, SI.
 
     White noise and random walk of the accelerometer come before the gyroscope's.
     """
@@ -199,9 +205,11 @@ def filter_cells(summary):
 
 
 def write_comparison(path, summaries, failures=()):
-    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers.
+    """Write comparison.csv: a row per device, with values in SI and units in the headers.
 
-    Before them is a row for each Failure of a device, with its reason.
+    `summaries` are the contents of summary.json of the devices.
+
+    The first rows are of devices without results: one row, with the reason, for each Failure.
     """
     rows = [
         {

@@ -1,4 +1,4 @@
-"""Devices of one type: mean and spread of each parameter, and the devices that stand out."""
+"""Tables of devices of one type: mean and spread of each parameter, and unusual devices."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ class Parameter:
 
     words: str
     display: Display
-    relative: bool  # whether its spread and errors are relative, as for logarithms
+    relative: bool  # whether the spread and the errors are relative to the value
 
     def spread(self, value):
         """Return a spread or an error as text, without its unit."""
         return (PERCENT if self.relative else self.display).size(value, 2)
 
     def value(self, value, sigma):
-        """Return a value with its error, without the unit."""
+        """Return a value with its standard error `sigma` as text, without the unit."""
         sigma = value * sigma if self.relative and value and sigma else sigma
         return with_sigma(value, sigma, self.display.factor)
 
@@ -45,7 +45,11 @@ def parameters():
 
 
 def family_tables(found, labels):
-    """Return the tables of a type, content of family.json; labels of the devices by name."""
+    """Return the tables of a type of devices, a list without empty tables.
+
+    `found` is the content of family.json for the type, and `labels` has the labels of devices by
+    name.
+    """
     tables = (spread_table(found), odd_table(found, labels), effect_table(found))
     return [table for table in tables if table.rows]
 
@@ -102,7 +106,7 @@ def odd_table(found, labels):
 
 
 def effect_table(found):
-    """Return the table of effects that a device has, or that all devices together show."""
+    """Return the table of effects that some device has, or that all devices together show."""
     rows = [
         (
             effect_words(each),

@@ -44,12 +44,13 @@ QUOTED = {
 def block_of(diagnosis, sensor, part):
     """Return the diagnosis of a sensor in one kind of data, with its findings.
 
-    It is the content of diagnosis.json with ``sensor`` and ``part``; ``words``, the effects in
-    words; ``left``, the name of the residual farthest above its floor; ``quoted``, that of the
-    residual that fell most, or ``left`` without effects; ``lacking``, reduced χ² and name of the
-    residual with the largest χ² above 1; ``too_quiet``, name, χ² and p-value of a residual far
-    below its noise; ``undersampled``, what too low a rate adds; ``tried``, whether effects were
-    rejected and the best of them; ``elsewhere``, candidates that other data added.
+    The result is the content of diagnosis.json plus these keys: ``sensor`` and ``part``, the
+    arguments; ``words``, the effects in words; ``left``, the name of the residual farthest above
+    its floor; ``quoted``, the name of the residual that fell most, or ``left`` without effects;
+    ``lacking``, reduced χ² and name of the residual with the largest reduced χ² above 1;
+    ``too_quiet``, name, reduced χ² and p-value of a residual far below its noise; ``undersampled``,
+    the error that too low a sampling rate adds; ``tried``, whether effects were rejected, and the
+    best of them; ``elsewhere``, candidates that were added by other data.
     """
     if sensor == BOTH:
         block = _of_both(*(block_of(diagnosis, each, part) for each in SENSORS))
@@ -96,7 +97,7 @@ def _of_both(force, turn):
 
 
 def residual_names(block):
-    """Return the names of the residuals of a record, those that a user notices first come first."""
+    """Return the names of the residuals of a record, a list that begins with the most visible."""
     first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
     return list(dict.fromkeys([*first, *block["residuals"]]))
 
@@ -104,7 +105,8 @@ def residual_names(block):
 def _largest(block, sizes):
     """Return the name of the residual with the largest ratio of its size to its floor, or None.
 
-    `sizes` are by name, in the unit of the floors.
+    `sizes` is a dict by name of the residual, in the unit of the floors. If the record lacks
+    residuals, the result is None.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
@@ -112,7 +114,7 @@ def _largest(block, sizes):
 
 
 def too_quiet(block):
-    """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
+    """Return name, reduced χ² and p-value of the first residual far below its noise, or None."""
     for name, r in block["residuals"].items():
         chi2 = r["chi2_before"]
         if chi2 is not None and chi2 < FAR_BELOW:
@@ -126,7 +128,8 @@ def too_quiet(block):
 def _tried(block):
     """Return a dict: ``any``, whether an effect was rejected, and ``best``, the most helpful one.
 
-    ``best`` is None unless that effect lowers the held-out error to below `WORTH_A_WORD` of it.
+    ``best`` is None if no rejected effect lowers the held-out error to less than the share
+    `WORTH_A_WORD` of its size without the effect.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -179,18 +182,19 @@ def grouped(summaries):
 
 
 def card(found, loop, calibration=None):
-    """Return the first words on a device, in the same order for every device.
+    """Return the texts with which the part of a device begins, a dict.
 
-    The texts are ``found``, the hidden effects by sensor; ``gain``, the errors that fell; ``left``,
-    pairs of a verdict and the remaining error in words; ``untested``, what could not be tested, and
-    remarks. `found` are the `blocks` of the device, `loop` the result of `loop_errors`,
-    `calibration` is the final one.
+    The text ``found`` names the hidden effects by sensor, and ``gain`` the errors that fell.
+    ``left`` is a list of pairs: a verdict, and a text on the remaining error. ``untested`` names
+    data that could not be tested, and adds remarks on the calibration. `found` are the `blocks` of
+    the device, `loop` is the result of `loop_errors`, and `calibration` the final calibration, if
+    there is one.
     """
     places, effects = {}, {}
     for block in found:
         for effect in block["effects"]:
             place = places.setdefault(effect_words(effect), [])
-            # data in motion repeat the effects that other data show
+            # data in motion repeat the effects that other data show: those are named once
             if block["sensor"] != BOTH or not place:
                 place += {phrase("sensor", b=block)} - {*place}
     for effect, place in places.items():
@@ -216,7 +220,10 @@ def card(found, loop, calibration=None):
 
 
 def fall(error):
-    """Return the factor by which the correction of effects lowers an error of `loop_errors`."""
+    """Return the factor by which the correction of effects lowers an error of `loop_errors`.
+
+    The factor is 1 if the corrected error is zero.
+    """
     return error["calibrated"] / error["final"] if error["final"] else 1.0
 
 
@@ -226,7 +233,9 @@ def told(loop):
 
 
 def headline(summaries):
-    """Return the main finding of all devices in a line, given summary.json of each.
+    """Return the main finding of all devices, a sentence.
+
+    `summaries` are the contents of summary.json of the devices.
 
     It is the largest fall of an error, or the worst verdict if no error fell by `WORTH_SAYING`.
     """

@@ -43,7 +43,7 @@ class Value:
     value: float | None
     std: float | None  # standard error
     unit: str | None
-    upper95: float | None = None  # one-sided 95 % upper limit of a noise coefficient
+    upper95: float | None = None  # one-sided 95 % upper limit, for noise coefficients
 
     def text(self, display):
         """Return the value ± 1 σ in another unit, or its upper limit."""
@@ -126,7 +126,8 @@ def residual_values(device):
         block = block_of(device.diagnosis, sensor, "poses")
         for quantity, name in (("residual", QUOTED[sensor][0]), ("quoted", block["quoted"])):
             if r := block["residuals"].get(name):
-                # the root mean square of n normal errors has a relative σ of 1/sqrt(2 n)
+                # the root mean square of n normal errors has a relative standard error of 1/sqrt(2
+                # n)
                 std = r["after"] / np.sqrt(2 * max(r["n"], 1))
                 for stage, error in (("after", std), ("floor", None)):
                     unit = r["unit"]
@@ -140,12 +141,12 @@ def select(rows, **keys):
 
 
 def worst(rows):
-    """Return the row with the largest value, and the row with a limit above it; None if absent."""
+    """Return the row with the largest value and a row with a limit above it; None if absent."""
     values = [row for row in rows if not missing(row.value)]
     limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]
     largest = max(values, key=lambda row: abs(row.value), default=None)
     limit = max(limits, key=lambda row: (row.upper95, row.axis), default=None)
-    # an axis that is only limited may still be the worst
+    # an axis with only an upper limit may still be the worst
     if largest and limit and limit.upper95 <= abs(largest.value):
         limit = None
     return largest, limit

@@ -27,7 +27,7 @@ def _fixed(value, decimals):
 
 
 def typeset(unit):
-    """Return a unit of the files as it is printed: m/s^2 as m/s²."""
+    """Return a unit of the result files as it is printed: m/s^2 becomes m/s²."""
     return unit.replace("^2", "²").replace("^3", "³").replace("sqrt(s)", "√s")
 
 
@@ -80,7 +80,7 @@ def with_unit(text, unit):
 
 
 def probability(p):
-    """Return a p-value as text; below 1e-10 its size means nothing."""
+    """Return a p-value as text; a value below 1e-10 is not given exactly."""
     return f"<\u202f10{superscript(-10)}" if not missing(p) and p < 1e-10 else number(p, 2)
 
 
@@ -127,7 +127,7 @@ def coefficient_text(coefficient, factor=1.0):
 
 
 def interval_text(interval, factor=1.0):
-    """Return an interval as ``low to high``, its width to two digits."""
+    """Return an interval as text, ``low to high``, with two digits of its width."""
     if not interval or any(map(missing, interval)):
         return NO_NUMBER
     low, high = (end * factor for end in interval)
@@ -136,7 +136,7 @@ def interval_text(interval, factor=1.0):
 
 
 def text_of(value):
-    """Return a figure of a result file in a few words, whatever its form."""
+    """Return a value of a result file as a short text, for values of any type."""
     if value is None:
         return NO_NUMBER
     if isinstance(value, bool):

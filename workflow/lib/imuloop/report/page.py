@@ -59,7 +59,7 @@ def shown(value, unit, digits=3):
 
 
 def valued(text):
-    """Return the text of a cell with its standard error, or its limit or tolerance, in grey."""
+    """Return the text of a cell in which the standard error, limit or tolerance is grey."""
     if text.startswith(("<\u202f", "±")):
         return Markup("<small>{}</small>").format(text)
     value, sign, error = text.partition("\u202f±")

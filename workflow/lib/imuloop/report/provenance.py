@@ -12,8 +12,8 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "vqf")
 def provenance(release, repository, command, config):
     """Return commit, command, versions and config, by which a report can be made again.
 
-    Takes imuloop's version, the folder of the workflow, the command that was run, the resolved
-    config of all devices.
+    `release` is the version of imuloop, `repository` the folder of the workflow, `command` the
+    command that was run, and `config` the resolved config of all devices.
     """
     found = {"python": platform.python_version()}
     for name in PACKAGES:
@@ -26,7 +26,10 @@ def provenance(release, repository, command, config):
 
 
 def commit(repository):
-    """Return the commit of a checkout, marked if files differ from it, or the version installed."""
+    """Return the git commit of a checkout, a text, or the installed version of imuloop.
+
+    The text says if files differ from the commit, and if the commit is not known.
+    """
     if not (Path(repository) / "Snakefile").exists():
         try:
             return f"imuloop {version('imuloop')}, installed"

@@ -35,9 +35,9 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     report_path, comparison_path : path-like
         HTML and CSV file to write; pictures of all devices go into ``figures`` next to the latter.
     family_path : path-like, optional
-        family.json, if devices name their type.
+        Path of family.json, if devices name their type.
     failures : list of imuloop.failures.Failure
-        One for each device that has no complete results; they come first.
+        One for each device without complete results. The report shows them first.
     """
     folders = [Path(folder) for folder in folders]
     devices = [read_json(folder / "summary.json") for folder in folders]
@@ -92,13 +92,19 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
 
 
 def _section(folder):
-    """Return a device's part without the reasons of rejected sessions, which the report has."""
+    """Return the HTML of a device without the reasons of rejected sessions.
+
+    The report itself gives these reasons.
+    """
     text = (folder / "section.html").read_text("utf-8")
     return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
 
 
 def verdict_lines(folders):
-    """Return a line of verdicts for each device, or for each group of many devices."""
+    """Return lines of text with the verdicts of each device, or of each group of devices.
+
+    More than `TOGETHER` devices are grouped by equal verdicts.
+    """
     devices = [read_json(Path(folder) / "summary.json") for folder in folders]
     if len(devices) <= TOGETHER:
         groups = [(device["label"], device["answers"]) for device in devices]

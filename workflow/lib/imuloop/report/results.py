@@ -48,7 +48,7 @@ class SessionResults:
 
     @property
     def poses(self):
-        """How many attitudes were held."""
+        """Number of attitudes in which the device rested."""
         return self.segments["pose"][self.segments["pose"] >= 0].nunique()
 
     def seconds(self, kind):

@@ -47,7 +47,7 @@ def write_section(name, label, folder, sessions, data_sheet=None):
 
 
 def _inside(values):
-    """Return every picture in nested dicts and lists of values."""
+    """Return all pictures in values, which may be nested dicts and lists."""
     if isinstance(values, Picture):
         return [values]
     parts = values.values() if isinstance(values, dict) else values
@@ -59,7 +59,10 @@ def content(device):
     final = device.calibrations["final"]
 
     def of_sensors(make):
-        """Return the table of each sensor that has one."""
+        """Return the tables, a list, that the function `make` returns for the sensors.
+
+        A sensor without a table is left out.
+        """
         return [table for sensor in SENSORS if (table := make(device, sensor))]
 
     parts = [diagnosis_part(device, block) for block in blocks(device.diagnosis)]
@@ -96,12 +99,12 @@ def diagnosis_part(device, block):
     if block["part"] == "reference":
         made.append(tables.set_up_table(block))
     return {
-        # the target of links
+        # target of the links to this part
         "identity": f"{device.name}.{block['sensor']}.{block['part']}",
         "title": record_title(block),
         "place": f"{RECORDS[block['part']]} of the {block['sensor']}",
         "verdict": block["verdict"],
-        # the sentence begins with these words
+        # words with which the sentence begins
         "words": block["verdict"].replace("_", " "),
         "sentence": phrase("verdict", b=block, short=True),
         "effects": [t for t in made if t],

@@ -139,7 +139,11 @@ def misalignment_table(device, sensor):
 
 
 def shade(value, sigma, largest, display):
-    """Return a cell of a matrix, whose `largest` size is SI; below 2 σ it has no colour."""
+    """Return the cell of an element of a matrix, coloured if the element exceeds 2 σ.
+
+    `value`, its standard error `sigma` and `largest`, the largest magnitude in the matrix, are in
+    SI; `display` is the Display of the cell.
+    """
     share = value / largest if abs(value) > 2 * (sigma or 0.0) else 0.0
     return Sized(with_sigma(value, sigma, display.factor), value, share)
 
@@ -154,8 +158,8 @@ def wander(noise, interval, length):
     """Return the standard deviation of the change of the bias between two times, SI.
 
     The bias at a time is a mean of the output over `length` s from that time on; `interval`, s, is
-    between the two times. Of `noise`, an AxisNoise, only flicker, random walk and Gauss-Markov
-    processes count.
+    the time between the two. `noise` is an AxisNoise, of which only flicker, random walk and
+    Gauss-Markov processes count.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -163,7 +167,10 @@ def wander(noise, interval, length):
 
 
 def _after_an_hour(device, sensor):
-    """Return in words what to add to the standard error of a bias an hour later; may be empty."""
+    """Return a text on the growth of the standard error of the bias in an hour.
+
+    The text is empty if no axis has flicker, random walk or a Gauss-Markov process.
+    """
     sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
         return ""
@@ -175,8 +182,8 @@ def _after_an_hour(device, sensor):
 def reasons(device):
     """Return the reasons why parts of the calibration are missing: (method, sensor, reason).
 
-    Left out are reasons that a verdict gives, and reasons of the final calibration that an earlier
-    method gives too.
+    A reason is left out if a verdict gives it, or if it belongs to the final calibration and an
+    earlier method gives it too.
     """
     told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
     lines = {}
@@ -198,7 +205,7 @@ def model_table(device, sensor):
     return Table(
         f"{sensor.capitalize()}: final model x = T (K (raw − b) − e), to copy",
         ("Symbol", "Unit", *XYZ),
-        # with the minus sign of a keyboard, which programs read
+        # numbers have the minus sign of a keyboard, which programs can read
         [(symbol, unit, *(f"{v:.8g}" for v in values)) for symbol, unit, values in lines],
     )
 
@@ -271,7 +278,7 @@ def matrix_rows(effect):
     for name, value in values.items():
         stem, axis = OF_AXIS.fullmatch(name).groups()
         display, axis = data_sheet(units[name]), XYZ[int(axis)] if axis.isdigit() else axis
-        # the first of two axes is the sensor's
+        # of two axes in a name, the first one is the axis of the sensor
         stem = f"{stem[:-1]}, on {XYZ[int(stem[-1])]}" if OF_AXES.fullmatch(name) else stem
         row = rows.setdefault(stem, dict.fromkeys(XYZ, NO_NUMBER) | {"unit": display.unit})
         row[axis] = shade(value, effect["std"].get(name), largest[units[name]], display)
@@ -279,7 +286,10 @@ def matrix_rows(effect):
 
 
 def _step(effect, name):
-    """Return session and time of the step that a parameter's name has the number of, or no text."""
+    """Return a text with session and time of the step whose number is in a parameter's name.
+
+    The text is empty if the name has no such number.
+    """
     sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
     step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
     known = 0 <= step < min(len(sessions), len(times))
@@ -322,7 +332,11 @@ def set_up_table(block):
 
 
 def ranked(block):
-    """Return the candidates of a diagnosis: by status, added ones in order, others by p-value."""
+    """Return the candidates of a diagnosis, sorted by status.
+
+    Within a status, added effects are in the order of their addition, and others are sorted by
+    p-value.
+    """
     order = [effect["name"] for effect in block["effects"]]
     return sorted(
         block["candidates"],
@@ -335,7 +349,10 @@ def ranked(block):
 
 
 def ranking_table(block):
-    """Return the table of the effects that were tried: status and limits; None if none was."""
+    """Return the table of the effects that were tried, with status and detection limits.
+
+    The result is None if no effect was tried.
+    """
     candidates = ranked(block)
     tried = [c for c in candidates if c["status"] not in UNTRIED]
     if not tried:
@@ -420,7 +437,7 @@ def quality_figures(q):
 
 
 def _faults(found):
-    """Return the faults of values, which ingest leaves in the samples, as text by name and unit."""
+    """Return the faults of values as text, by name and unit; ingest leaves them in the samples."""
 
     def rows(key):
         """Return the rows of a fault by channel as text."""

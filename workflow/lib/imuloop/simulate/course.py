@@ -37,8 +37,9 @@ def tilted(directions, degrees, rng):
 def poses(session, rate, rng):
     """Return the pieces of a six- or multi-position session, and the upward body axis at its start.
 
-    The pieces are a list of Pieces, in turn a rest and a move; the axis is a unit vector, (3,).
-    Takes a SessionTruth, the rate in Hz and a source of random numbers, a numpy Generator.
+    The pieces are a list of Pieces, rests and moves by turns; the axis is a unit vector, (3,).
+    `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a source of random numbers,
+    a numpy Generator.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -49,7 +50,7 @@ def poses(session, rate, rng):
     yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
     shaken, motor = set(), session.vibration
     if motor:
-        # never the first pose
+        # the first pose is left out
         shaken = set(1 + rng.permutation(len(up) - 1)[: round(motor.share * (len(up) - 1))])
 
     def samples(span):
@@ -57,7 +58,7 @@ def poses(session, rate, rng):
         return round(rng.uniform(*span) * rate)
 
     def random_rest(pose):
-        """Return a rest of random duration in a pose, with vibration if the motor runs in it."""
+        """Return a rest of random duration in a pose, which vibrates if the motor runs then."""
         n, vibration = samples(session.rest_s), None
         if pose in shaken:
             rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
@@ -82,15 +83,14 @@ def poses(session, rate, rng):
 
 
 def at_rest(session, rate, rng):
-    """Return the pieces of a static session, and the upward body axis at its start.
+    """Return the pieces of a static session, and the upward direction on body axes at its start.
 
     The pieces are a list of Pieces: rests, and the disturbances between them. A knock is a short
     burst of acceleration. A tilt is a turn about a horizontal axis that lasts. Handling is a
     stretch of wobble, tremor and acceleration that ends in the attitude in which it began. The axis
-    is a unit vector, (3,). Takes a SessionTruth, the rate in Hz and a source of random numbers, a
-    numpy Generator.
-    Raises an ImuloopError if disturbances overlap, are not in order of time or do not fit in the
-    session.
+    is a unit vector, (3,). `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a
+    source of random numbers, a numpy Generator. Raises an ImuloopError if disturbances overlap, are
+    not in order of time or do not fit in the session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))
     events = [(d.time_s, d.time_s + d.duration_s) for d in session.disturbances]

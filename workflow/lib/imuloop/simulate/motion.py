@@ -49,8 +49,8 @@ class Piece:
 def rest(n, pose, acceleration=None):
     """Return a rest of `n` samples, a Piece.
 
-    `pose` is the number of the pose, and `acceleration`, (n, 3), m/s^2, is by a vibration; there is
-    none by default.
+    `pose` is the number of the pose. `acceleration`, (n, 3), m/s^2, is the acceleration by a
+    vibration; by default the device does not vibrate.
     """
     unchanged = np.array([1.0, 0, 0, 0])
     return Piece(
@@ -76,7 +76,7 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     n : int
         Number of samples.
     dt : float
-        Time between them, s.
+        Time between two samples, s.
     turn : array_like, shape (3,)
         The turn v, a rotation vector on body axes at the start, rad.
     wobble, tremor : float
@@ -98,8 +98,8 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     # axis, angle and rate of the angle of each factor; the axis of the turn v has the length of v
     factors, acceleration = [(turn, course, course_rate)], np.zeros((n, 3))
     if rng is not None:
-        # the axis of the wobble is square to the turn, so that rotations do not commute; the axis
-        # of the tremor is any
+        # the axis of the wobble is perpendicular to the axis of the turn, so that the rotations do
+        # not commute; the axis of the tremor is random
         axes = rng.standard_normal((2, 3))
         axes[0] -= axes[0] @ turn * turn / max(turn @ turn, 1e-12)
         wobble_axis, tremor_axis = axes / np.linalg.norm(axes, axis=1, keepdims=True)
@@ -139,8 +139,8 @@ def knock(n, dt, size, rng):
 def hum(n, dt, rms, frequency, rng):
     """Return the acceleration of a running motor, (n, 3), m/s^2: a sine along a random axis.
 
-    `dt` is the time between the n samples, s, `rms` the root mean square, m/s^2, `frequency` in Hz,
-    and `rng` the source of axis and phase.
+    `dt` is the time between two of the n samples, s; `rms` is the root mean square, m/s^2;
+    `frequency` is in Hz; and `rng`, a numpy Generator, is the source of axis and phase.
     """
     direction = rng.standard_normal(3)
     wave = np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
@@ -148,9 +148,10 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the Motion of consecutive pieces; `up` is the upward body axis at the start, (3,).
+    """Return the Motion of consecutive pieces.
 
-    Takes local gravity, m/s^2, and the sampling rate, Hz.
+    `pieces` is a list of Piece, and `up`, (3,), the upward direction on body axes at the start.
+    `gravity` is local gravity, m/s^2, and `rate` the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0

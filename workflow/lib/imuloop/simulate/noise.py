@@ -8,10 +8,10 @@ from scipy.fft import irfft, next_fast_len
 
 
 def white(n, dt, N, rng):
-    """Return white noise of density `N`, SI/√Hz, SI, (n,).
+    """Return n samples of white noise, (n,), SI, of the density `N`, SI/√Hz.
 
-    The samples are `dt` = Δt apart, s. N² is the two-sided density, and the band ends at half the
-    sampling rate, so the standard deviation of a sample is N/√Δt.
+    The time between two samples is `dt` = Δt, s. N² is the two-sided density, and the band ends at
+    half the sampling rate, so the standard deviation of a sample is N/√Δt.
     """
     return N / np.sqrt(dt) * rng.standard_normal(n)
 
@@ -28,13 +28,13 @@ def quantisation(n, dt, Q, rng):
 
 
 def flicker(n, dt, B, rng):
-    """Return flicker noise of bias instability `B`, SI, at n samples that are `dt` s apart, (n,).
+    """Return n samples of flicker noise, (n,), SI, of bias instability `B`, SI.
 
-    The two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
-    variance is ``(2 ln 2/π) B²``. The noise is a sum of an independent Gaussian cosine and sine, of
-    variance ``B²/(πf) Δf``, at each frequency f, in steps of Δf. The sum is periodic, so it is
-    computed for twice the length and cut in half: start and end of the result are then not equal,
-    and its lowest frequency is half that of its length.
+    The time between two samples is `dt`, s. The two-sided density is ``S(f) = B²/(2π|f|)``, that is
+    ``B²/(πf)`` one-sided, and the Allan variance is ``(2 ln 2/π) B²``. The noise is a sum of an
+    independent Gaussian cosine and sine, of variance ``B²/(πf) Δf``, at each frequency f, in steps
+    of Δf. The sum is periodic, so it is computed for twice the length and cut in half: start and
+    end of the result are then not equal, and its lowest frequency is half that of its length.
 
     References
     ----------
@@ -60,12 +60,17 @@ def walk(n, dt, K, rng):
 
 
 def ramp(n, dt, R):
-    """Return a ramp ``R t`` from zero, SI, (n,), of samples `dt` s apart; R is in SI/s."""
+    """Return a ramp ``R t`` that starts at zero, SI, (n,).
+
+    The time between two samples is `dt`, s, and `R` is in SI/s.
+    """
     return R * dt * np.arange(n)
 
 
 def steps(n, dt, size, times):
-    """Return a bias that jumps at each of `times`, s: SI, (n,), of samples that are `dt` s apart.
+    """Return n samples of a bias that jumps at each of the times `times`, s, (n,), SI.
+
+    The time between two samples is `dt`, s.
 
     The bias jumps from zero to `size`, SI, at the first time, back to zero at the second, and so
     on.
@@ -80,9 +85,9 @@ PROCESSES = {"N": white, "Q": quantisation, "B": flicker, "K": walk}
 def axis_noise(n, dt, noise, axis, seed):
     """Return the sum of all processes of one axis, SI, (n,).
 
-    There are `n` samples, `dt` s apart. `noise` is the `Noise` of a sensor, `axis` the number of
-    the axis. Each process draws from its own child of the SeedSequence `seed`, so that one process
-    does not change another.
+    There are `n` samples; the time between two of them is `dt`, s. `noise` is the `Noise` of a
+    sensor, `axis` the number of the axis. Each process draws from its own child of the SeedSequence
+    `seed`, so that one process does not change another.
     """
     total = ramp(n, dt, noise.R[axis])
     for (name, process), child in zip(PROCESSES.items(), seed.spawn(4), strict=True):

@@ -12,9 +12,9 @@ def output(truth, x, channels):
     The effects e depend on the output u itself, so the equation is solved by repeated substitution.
     Each of four rounds reduces the error by the factor de/du, a few per cent at most.
 
-    Takes a SensorTruth, which has misalignments T, scale factors K, biases b and effects e; the
-    true vectors x on body axes, SI, (n, 3); and a function that takes an output, (n, 3), and
-    returns the `Channels`, the inputs of the effects.
+    `truth` is a SensorTruth, which has misalignments T, scale factors K, biases b and effects e.
+    `x`, (n, 3), are the true vectors on body axes, SI. `channels` is a function that takes an
+    output, (n, 3), and returns the `Channels`, the inputs of the effects.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -30,9 +30,9 @@ def output(truth, x, channels):
 def logged(truth, u, bias, dt, seed):
     """Return the logged values ``raw = (u + noise)/K + b``, rounded to a step, raw units, (n, 3).
 
-    Takes a SensorTruth, which has the scale factors K, the noise and the step, the output u before
-    noise, SI, (n, 3), the bias b of this power cycle, raw units, (3,), the time step dt, s, and the
-    seed of the noise, a SeedSequence.
+    `truth` is a SensorTruth, which has the scale factors K, the noise and the step. `u`, (n, 3), is
+    the output before noise, SI, and `bias`, (3,), the bias b of this power cycle, raw units. `dt`
+    is the time between two samples, s, and `seed` the seed of the noise, a SeedSequence.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):

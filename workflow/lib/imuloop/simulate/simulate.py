@@ -60,8 +60,8 @@ def simulate_session(truth, session, seed=None):
     Returns
     -------
     DataFrame
-        `t` (s), `ax ay az gx gy gz` in the sensors' raw units, and `temperature` (degC) if the
-        session has a profile of it.
+        The columns `t`, s; `ax` to `gz`, in the raw units of the sensors; and `temperature`, degC,
+        if the session has a temperature profile.
 
     Raises
     ------

@@ -18,7 +18,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Popcorn:
-    """Jumps of the bias at `times`, s: by `size`, (3,), SI, then back to zero, and so on."""
+    """Jumps of the bias by `size`, (3,), SI, and back to zero, in turn at the `times`, s."""
 
     size: tuple
     times: tuple
@@ -51,7 +51,7 @@ class SensorTruth:
     K: np.ndarray
     b: np.ndarray
     noise: Noise = Noise()
-    # step to which the logged value is rounded, raw units; 0 for none
+    # step to which the logged value is rounded, raw units; 0 if it is not rounded
     step: float = 0.0
     # effects of the library, whose sum is part of e
     effects: tuple[FittedEffect, ...] = ()
@@ -76,7 +76,7 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Vibration:
-    """A motor under the table that runs during some poses, along another axis in each of them."""
+    """A motor under the table that runs during some poses; it shakes along another axis in each."""
 
     # share of the poses during which the motor runs; it never runs during the first pose
     share: float
@@ -104,14 +104,16 @@ class SessionTruth:
     kind: str
     # number from which all of the session's random numbers follow
     seed: int = 0
-    # upward direction on body axes, static or before the first pose; six faces begin with z up
+    # upward direction on body axes in a static session, or before the first pose of other sessions;
+    # sessions of six faces begin with z up
     up: tuple = (0.0, 0.0, 1.0)
-    # of a static session: length, s, and disturbances in order of time
+    # for static sessions: length, s, and the disturbances in order of time
     duration_s: float = 7200.0
     disturbances: tuple[Disturbance, ...] = ()
     # length of the first rest in sessions of the other kinds, s
     initial_rest_s: float = 50.0
-    # number of poses after the first rest (multi_position); of rounds over six faces (six_position)
+    # number of poses after the first rest (multi_position); number of rounds over the six faces
+    # (six_position)
     poses: int = 40
     repeats: int = 1
     # placement error of a face, standard deviation about each level axis, degrees
@@ -173,7 +175,10 @@ def _sensor(noise, effects=(), **fields):
 
 
 def _session(disturbances=(), **plan):
-    """Return a SessionTruth from the keys of a session in a YAML file, disturbances as dicts."""
+    """Return a SessionTruth from the keys of a session in a YAML file.
+
+    `disturbances` has a dict for each Disturbance; `plan` has all other keys.
+    """
     return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
 

@@ -1,1 +1,1 @@
-"""Figures of the report, each drawn by a function of its axes and a result."""
+"""Figures of the report: functions that take results of a device and return pictures."""

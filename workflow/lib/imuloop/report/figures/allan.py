@@ -17,7 +17,11 @@ VALUED = "NBK"
 
 
 def curve(allan, channel, stage="corrected"):
-    """Return the rows of a channel in a stage, or its raw rows if that stage has none."""
+    """Return the rows of a channel and a stage, sorted by averaging time.
+
+    `allan` has the rows of allan.parquet. If the stage has no rows, the rows of the stage ``raw``
+    are returned.
+    """
     rows = allan[(allan["axis"] == channel) & (allan["adev"] > 0)]
     chosen = rows[rows["stage"] == stage]
     return (chosen if len(chosen) else rows[rows["stage"] == "raw"]).sort_values("tau_s")
@@ -29,14 +33,18 @@ def longest_curve_first(sessions):
 
 
 def draw_curve(area, rows, unit, **looks):
-    """Draw an Allan curve, rows of allan.parquet, with its 95 % band; `unit` is a Display."""
+    """Draw an Allan curve with its 95 % band on the Axes `area`.
+
+    `rows` are the rows of allan.parquet, `unit` is the Display of the values, and `looks` go to
+    matplotlib.
+    """
     tau, ends = rows["tau_s"], (unit.factor * rows[end] for end in ("ci_low", "ci_high"))
     area.loglog(tau, unit.factor * rows["adev"], **looks)
     fill(area, tau, *ends, looks["color"])
 
 
 def draw_model(area, tau, noise, sensor, lowest):
-    """Draw the model of an `AxisNoise` and each of its terms at averaging times, s.
+    """Draw the Allan deviation of an `AxisNoise` and of each of its terms over averaging times, s.
 
     The letter of a term stands where the term is largest, if that is above the `lowest` level, SI;
     the letters N, B and K are followed by their values.
@@ -111,7 +119,7 @@ def allan_picture(name, session, sensor, allan, axes):
             draw_curve(area, r, unit, color=colour, lw=1.6, label="measured, 95 % band")
             draw_model(area, r["tau_s"].to_numpy(), axes[channel], sensor, low)
             area.set_xlabel(f"{axis}: averaging time τ, s")
-        # a term may lie far below the curve
+        # a term may lie far below the curve: its part there is not shown
         areas[0].set_ylim(unit.factor * low / 1.3, unit.factor * high * 1.3)
         areas[0].set_ylabel(f"Allan deviation, {unit.unit}")
 

@@ -11,7 +11,7 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return the result of the validation by attitude in words, or why it is missing.
+    """Return the result of the validation by attitude, a text, or the reason why it is missing.
 
     The text is empty if the diagnosis already gives that reason.
     """
@@ -23,7 +23,10 @@ def attitude_finding(device):
 
 
 def attitude_pictures(device):
-    """Return the picture of a filter's error of the vertical, in a list; empty if not validated."""
+    """Return the picture of the error of the vertical by a filter, in a list.
+
+    The list is empty if the calibration was not validated by attitude.
+    """
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok" or "filter" not in content["methods"]:
         return []

@@ -36,7 +36,8 @@ def bias_pictures(device, block):
 def temperatures(session, start):
     """Return the mean temperature over each window, °C; None if it was not logged.
 
-    A window begins at each `start`, shape (n,), s; all have the median length of the steps.
+    A window begins at each time in `start`, (n,), s. All windows have the same length, the median
+    of the differences of `start`.
     """
     if TEMPERATURE not in session.samples or len(start) < 2:
         return None
@@ -68,7 +69,7 @@ def _picture(device, session, points, block):
     warm = warmth is not None
 
     def line(area, y, colour, width=1.0, **looks):
-        """Draw a series over time by its extremes."""
+        """Draw a series y over time as a line through the extreme values of its parts."""
         chosen = extremes(y, BUCKETS)
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
@@ -113,7 +114,7 @@ def _picture(device, session, points, block):
 
 
 def temperature_pictures(device, block):
-    """Return the picture of bias against temperature, in a list; empty if this effect is absent."""
+    """Return the picture of bias against temperature, in a list; empty without such an effect."""
     effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     if effect is None or points.empty or points["corrected"].isna().any():

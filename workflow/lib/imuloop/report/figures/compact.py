@@ -2,7 +2,7 @@
 
 import re
 
-# parts that a page has only once, or that show nothing
+# parts of a drawing that show nothing, or that the page has once for all drawings
 NOTHING = re.compile(
     r"<metadata>.*?</metadata>|<style.*?</style>|(?<=<g) id=\"[^\"]*\"|"
     r" transform=\"rotate\(-0[^\"]*\"|(?<=>)\s+(?=<)",
@@ -16,7 +16,7 @@ ALONE = re.compile(r"<g>(<(?:path|text|use)[^<]*(?:/>|</text>))</g>")
 
 
 def compact(svg):
-    """Return an SVG drawing as the text of an element without its opening tag.
+    """Return the content of an SVG drawing as text, without the opening tag of its root element.
 
     Coordinates are rounded to a tenth of a pixel.
     """
@@ -29,7 +29,7 @@ def compact(svg):
 
 
 def relative(path):
-    """Return path data with each point given from the one before it."""
+    """Return the data of an SVG path in which each point is relative to the point before it."""
     parts, last = [], (0, 0)
     for letter, numbers in re.findall("([A-Zz])([^A-Zz]*)", path):
         values, start, words = [round(10 * float(v)) for v in numbers.split()], last, ""

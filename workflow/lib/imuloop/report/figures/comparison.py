@@ -17,9 +17,12 @@ def line_style(index):
 
 
 def allan_comparison(summaries, together):
-    """Return six pictures: the Allan deviation of one axis of all devices, given summary.json.
+    """Return six pictures, one per axis: the Allan deviation of all devices.
 
-    If `together`, a picture has a line per device, otherwise the median and the band of all.
+    `summaries` are the contents of summary.json of the devices.
+
+    If `together` is true, a picture has a line per device; otherwise it has the median and the 5–95
+    % band of all devices.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -59,7 +62,7 @@ def _lines(sensor, curves):
 
 def _band(sensor, curves):
     """Return caption, plot and numbers of the median and the 5–95 % band of all devices."""
-    # times that at least half of the devices have
+    # averaging times at which at least half of the devices have a value
     ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
     common = float(np.clip(1.0, *ends))
     grid = np.unique(np.append(np.geomspace(*ends, TIMES), common))

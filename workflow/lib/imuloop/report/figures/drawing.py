@@ -33,7 +33,7 @@ THEME |= {colour: f"var(--c{i})" for i, colour in enumerate(PALETTE)}
 STYLE = {
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],
-    # labels may be of other people
+    # other people may have written the labels: a $ in them must not start a formula
     "text.parse_math": False,
     "font.size": 12,
     "legend.fontsize": 12,
@@ -61,7 +61,7 @@ STYLE = {
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
-# entries by which matplotlib names itself and the day
+# entries in which matplotlib writes its name and the date
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 # size of a picture that a small screen shows whole, size of a picture next to a column of text, and
 # the width from which on a picture takes the full width of the page, px
@@ -73,8 +73,8 @@ class Picture:
     """A picture of the report, drawn when it is needed.
 
     `name` is unique in the report, and the ids in the drawing are made from it. Readers who cannot
-    see the picture get `kind` and `caption`. `plot` draws on a matplotlib `Axes`, or on a list of
-    them, row by row; the key lists the lines that have labels.
+    see the picture are told `kind` and `caption`. `plot` draws on a matplotlib `Axes`, or on a list
+    of them, row by row; the key lists the lines that have labels.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Picture:
     size: tuple = SMALL  # px
     columns: tuple = (1,)  # relative widths of the areas, which share their limits
     rows: tuple = (1,)  # relative heights
-    file: str = ""  # of the CSV file, without .csv, if that is not the picture's own
+    file: str = ""  # name of the CSV file without .csv, if it is not the name of the picture
 
     @property
     def stem(self):
@@ -133,7 +133,7 @@ class Picture:
 
     @cached_property
     def svg(self):
-        """The drawing as the text of an SVG file, in colours that need no page."""
+        """The drawing as the text of an SVG file, in fixed colours."""
         file = io.StringIO()
         with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
             # `savefig` would lay it out twice
@@ -151,7 +151,7 @@ class Picture:
         return Markup(svg)
 
     def write_svg(self, folder):
-        """Write the picture, on white, into a folder; return the path."""
+        """Write the picture as SVG on a white ground into a folder, and return the path."""
         text = self.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
         path = folder / f"{self.stem}.svg"
         with replaced(path) as temporary:
@@ -168,7 +168,7 @@ class Picture:
 
 
 def _rounded(attribute):
-    """Return the text of a match of an SVG attribute, its numbers cut to two decimals."""
+    """Return the text of an SVG attribute, a regex match, with numbers cut to two decimals."""
     return re.sub(r"(\.\d\d)\d+", r"\1", attribute[0])
 
 

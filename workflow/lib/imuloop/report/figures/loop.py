@@ -1,4 +1,4 @@
-"""One picture of a device's errors: as logged, calibrated, effects corrected; over the noise."""
+"""The picture of the errors of a device: as logged, calibrated, and with effects corrected."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -16,7 +16,7 @@ STAGES = {
     "calibrated": ("calibrated", ORANGE, "D"),
     "final": ("effects corrected", BLUE, "o"),
 }
-# as wide as a small screen, px, on which its words are of 12 px
+# width of the picture, px: a small screen, on which the text has 12 px
 WIDTH = 328
 # height of a row, and of the space around all rows, px
 ROW, AROUND = 29, 67
@@ -35,7 +35,7 @@ BEYOND = 1.6
 
 
 def loop_errors(device, found):
-    """Return the held-out errors of a device that a user notices, the first one most.
+    """Return the held-out errors of a device that a user notices, the most visible one first.
 
     `found` are the `blocks` of the device. For each of them, the errors are the residual that its
     verdict quotes and the residual that a user notices first. An error is a dict of ``what``,
@@ -73,7 +73,7 @@ def _multiples(error):
 
 
 def reach(errors):
-    """Return the least and the greatest multiple of its floor that any error has, one included."""
+    """Return the least and the greatest ratio of an error to its floor; the number 1 counts too."""
     sizes = [1.0, *(size for error in errors for size in _multiples(error).values())]
     return min(sizes), max(sizes)
 
@@ -119,7 +119,7 @@ def draw_loop(area, errors, ends):
 
 
 def loop_picture(name, errors, ends=None):
-    """Return the picture of a device's errors by its name, or None without errors.
+    """Return the picture of the errors of the device `name`, or None without errors.
 
     `ends` are the ends of the axis, if devices are compared; otherwise the axis fits the errors.
     """

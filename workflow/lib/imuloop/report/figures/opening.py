@@ -28,7 +28,7 @@ def opening_pictures(device):
 
 
 def _wrong(device, block):
-    """Return the picture of the error that a diagnosis is about, in a list."""
+    """Return a list with the picture of the error that a diagnosis is about."""
     if block["part"] == "static_record":
         pictures = temperature_pictures(device, block) or bias_pictures(device, block)
         return [replace(p, size=(BESIDE[0], p.size[1])) for p in pictures[:1]]

@@ -19,7 +19,10 @@ NEAR = 0.94
 
 
 def pose_directions(device):
-    """Return the upward direction of each pose with a force, shape (n, 3), by kind of session."""
+    """Return the upward directions at the poses, a dict of (n, 3) by kind of session.
+
+    Poses without specific force are left out.
+    """
     found = {}
     for session in device.used:
         if session.kind in MARKS:
@@ -32,7 +35,9 @@ def pose_directions(device):
 
 
 def draw_poses(area, directions, sign, hole):
-    """Draw one half of the sphere, seen from outside from +z or −z, by the `sign`.
+    """Draw one half of the sphere, seen from outside, from +z or from −z.
+
+    The `sign`, 1 or -1, says which.
 
     `directions` are upward unit vectors, (n, 3), by kind of session; `hole` is the middle of the
     largest hole.

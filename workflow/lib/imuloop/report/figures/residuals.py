@@ -1,4 +1,4 @@
-"""Residual of each pose or turn: before and after the added effects, or the calibration."""
+"""Pictures of the residual of each pose or turn, without and with effects or calibration."""
 
 import numpy as np
 import pandas as pd
@@ -30,10 +30,13 @@ def residual_pictures(device, block):
 
 
 def rows_of(device, name):
-    """Return the rows of poses, moves or windows that have a residual by its name."""
+    """Return the table, of poses, moves or windows, that has the residual `name`.
+
+    Only rows with this residual are in it.
+    """
     table = device.moves if name in OF_MOVES else device.poses
     table = device.reference if name in OF_WINDOWS else table
-    # poses on six faces are not diagnosed
+    # poses on six faces are not diagnosed, so they have no residuals
     return table[np.isfinite(table[f"{name}_after"])]
 
 
@@ -52,7 +55,7 @@ def as_logged(device, name):
 
 
 def elapsed(table):
-    """Return the start of each row, s, with the sessions end to end, and each session's start."""
+    """Return the start of each row, s, with the sessions one after another, and their starts, s."""
     length = table.groupby("session", sort=False)["end_s"].max()
     first = length.cumsum() - length
     return (table["start_s"] + table["session"].map(first)).to_numpy(), dict(first)
@@ -61,7 +64,8 @@ def elapsed(table):
 def against(name, table):
     """Return the quantities on the x axes of the pictures of a kind of residual.
 
-    By the name of a column of the CSV file, each is a label with a unit, and values, (n,).
+    The result is a dict by the name of a column of the CSV file. An entry is a label with a unit,
+    and the values, (n,).
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
@@ -107,7 +111,8 @@ def draw_residuals(area, x, series, floor):
 def residual_picture(device, block, name, narrow=False):
     """Return the picture of one kind of residual, `name`, of a diagnosis.
 
-    A `narrow` picture has the residuals over time alone; others have them over further quantities.
+    A `narrow` picture shows the residuals over time alone. Other pictures show them over further
+    quantities, too.
     """
     residual, changed, table = (
         block["residuals"][name],
@@ -118,7 +123,7 @@ def residual_picture(device, block, name, narrow=False):
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
     logged = None if changed else as_logged(device, name)
     series = {"before": errors["before"]} if changed else {}
-    # rotations may be of fewer moves than residuals
+    # the errors of rotations as logged may exist for fewer moves than the residuals
     if logged is not None and len(logged) == len(table):
         errors["logged"] = series[LOGGED] = logged
     series["after" if changed else "calibrated"] = errors["after"]

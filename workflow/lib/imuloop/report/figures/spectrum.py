@@ -9,7 +9,7 @@ from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 
 
 def density_pictures(device, session):
-    """Return the power spectral density of a session's accelerometer and gyroscope."""
+    """Return pictures of the power spectral density of both sensors in a session, a list."""
     spectra = session.spectra[np.isfinite(session.spectra["psd"])].astype({"axis": str})
     spectra = spectra.sort_values(["axis", "frequency_hz"], kind="stable").assign(model=np.nan)
     pictures = []
@@ -39,7 +39,10 @@ def _ramp(frequency):
 
 
 def _picture(device, session, sensor, curves, spectra):
-    """Return the picture of a sensor: `curves` are rows of `spectra` by axis."""
+    """Return the picture of the power spectral density of a sensor.
+
+    `curves` has the rows of `spectra` by axis.
+    """
     axes = of_axes(device.axes, sensor)
     lines = [(line.frequency.value, axis) for axis, noise in axes for line in noise.sinusoid]
     corners = [(noise.low_pass.corner.value, axis) for axis, noise in axes if noise.low_pass]

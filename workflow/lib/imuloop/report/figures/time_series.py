@@ -28,7 +28,7 @@ _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
 
 def extremes(x, buckets=BUCKETS):
-    """Return the indices of the least and the greatest value of each part of a series.
+    """Return the indices of the least and of the greatest value in each of the parts of a series x.
 
     A line through these points looks like a line through all of them: no peak is lost.
     """
@@ -74,7 +74,7 @@ def shade(area, segments, size=1.0):
 
 
 def steps_at(device, session, sensor):
-    """Return the times of the steps of the bias that were found in a session by its name, s."""
+    """Return the times, s, of the steps of the bias that were found in the session `session`."""
     found = []
     for record in device.diagnosis.get("sensors", {}).get(sensor, {}).values():
         for effect in record["effects"]:
@@ -85,7 +85,7 @@ def steps_at(device, session, sensor):
 
 
 def drifts(device, sensor):
-    """Return the slope of the bias by axis, SI per s, that was found at rest; empty if none."""
+    """Return the slope of the bias at rest by axis, SI per s; empty if no such effect was found."""
     found = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
     slopes = [e["parameters"] for e in found.get("effects", ()) if e["name"] == RAMP]
     return {axis: slopes[0][f"d{axis}"] for axis in XYZ} if slopes else {}
@@ -114,11 +114,12 @@ def _picture(device, session, sensor, t):
         lines["raw"][axis] = curve
         if resting:
             lines.setdefault("means", {})[axis] = means_at_rest(t, x, rests)
-            # limits from the rests, so that a knock does not flatten the curve; it is cut off
+            # the limits follow from the rests, so that a knock does not flatten the curve but is
+            # cut off
             ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
             low, high = min(ends, default=x.min()), max(ends, default=x.max())
             quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
-        # last, as it puts x in another order instead of a copy
+        # this comes last, as it sorts x in place to save a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
     unit, size = clock(t[-1])
     steps = steps_at(device, session.name, sensor)
@@ -168,7 +169,7 @@ def _numbers(sensor, lines):
 
 
 def _caption(session, sensor):
-    """Return the caption: total length of the rests, count and length of the parts cut out."""
+    """Return the caption: the length of all rests, and the number and length of excluded parts."""
     kinds, cut = session.segments["kind"], []
     for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
