@@ -311,6 +311,8 @@ RANGES = " --sensor icm42688p --range.acceleration 16g --range.angular_rate 2000
     [
         ("--set columns.time=tick columns.acceleration=[fx,ay,az] units.time=ms", LONG),
         ("--columns time=tick acceleration=fx,ay,az --time-unit ms", LONG),
+        ('--set=columns.time=tick --columns=acceleration=fx,ay,az --set units={"time":"ms"}', LONG),
+        (f"{LONG} --range=16g,2000deg/s --sensor icm42688p", LONG + RANGES),
         (f"{LONG} --counts acceleration=0.01", LONG + COUNTS),
         (f"{LONG} --counts acceleration=0.01,5", f"{LONG}{COUNTS} --nominal.acceleration.offset 5"),
         (f"{LONG} --sensor icm42688p --range 16g,2000deg/s", LONG + RANGES),

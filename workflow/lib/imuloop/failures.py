@@ -70,11 +70,13 @@ def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
     devices = resolve(config)
     of_devices = [_failure(name, device, config) for name, device in devices.items()]
     failures = [failure for failure in of_devices if failure]
-    of_all = [
-        Failure("", "All devices", stage, why, f"logs/{stage}/{stage}.log")
-        for stage, path in (("family", "results/family.json"), ("report", REPORT))
-        if not Path(path).exists() and (why := last_words(f"logs/{stage}/{stage}.log"))
-    ]
+    of_all = []
+    for stage, path in (("family", "results/family.json"), ("report", REPORT)):
+        log = Path(f"logs/{stage}/{stage}.log")
+        # if a device failed, this job did not start, and its log is that of an earlier run
+        why = last_words(log) or (KILLED if log.exists() and not failures else "")
+        if why and not Path(path).exists():
+            of_all.append(Failure("", "All devices", stage, why, str(log)))
     lines = [str(failure) for failure in (*failures, *of_all) if failure.why != INTERRUPTED]
     for failure in failures:
         Path("results", failure.device, "section.html").unlink(missing_ok=True)
@@ -88,7 +90,11 @@ def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
 
 
 def _failure(name, device, config):
-    """Return the Failure of a resolved device, by its first output that is missing, or None."""
+    """Return the Failure of a resolved device, or None if its part of the report is up to date.
+
+    It is that of the first output that is missing, or of the part itself if this is older than a
+    log or a result of the device.
+    """
     for stage, pattern in OUTPUTS.items():
         for session, plan in device["sessions"].items() if "{" in pattern else [("", {})]:
             if Path("results", name, pattern.format(session=session)).exists():
@@ -99,6 +105,19 @@ def _failure(name, device, config):
             # a job without a log did not start
             why = last_words(log) or (KILLED if Path(log).exists() else INTERRUPTED)
             return Failure(name, device["label"], f"{stage} {session}".strip(), why, log)
+    # a log or a result that is newer than the part of the report was not used for it
+    sources = (s for plan in device["sessions"].values() for s in plan["sources"].values())
+    logs = (source_path(source, config.get("cache", "data/cache")) for source in sources)
+    results = (
+        Path("results", name, pattern.format(session=session))
+        for pattern in OUTPUTS.values()
+        for session in device["sessions"]
+    )
+    made = Path("results", name, OUTPUTS["report_device"]).stat().st_mtime
+    files = (path for path in (*map(Path, logs), *results) if path.exists())
+    if any(path.stat().st_mtime > made for path in files):
+        why, log = "the run stopped before this stage", f"logs/report_device/{name}.log"
+        return Failure(name, device["label"], "report_device", why, log)
     return None
 
 

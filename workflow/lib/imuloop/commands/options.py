@@ -154,7 +154,9 @@ def read_value(key, text):
         number = float(text)
     except ValueError:
         return text
-    return number if math.isfinite(number) else text
+    if not math.isfinite(number):
+        return text
+    return int(text) if text.lstrip("-").isdecimal() else number
 
 
 def declared_keys(arguments):
