@@ -23,12 +23,12 @@ OF_LOG = {
     **{f"nominal.{quantity}.scale": "SI units per count" for quantity in PARTS},
     **{f"nominal.{quantity}.offset": "the count at zero" for quantity in PARTS},
 }
-# shorter words for options that have one value
+# shorter names of options that have one value
 SHORT = {f"--{quantity.replace('_', '-')}-unit": f"--units.{quantity}" for quantity in UNITS} | {
     "--latitude": "--gravity.latitude",
     "--height": "--gravity.height",
 }
-# options that several words KEY=VALUE follow, with the start of the keys
+# options that are followed by several words KEY=VALUE, with the text that is put before each key
 SEVERAL = {"--set": "", "--columns": "columns.", "--counts": "nominal."}
 GRAVITY = {
     "gravity": "local gravity, m/s^2; default: {}",
@@ -38,7 +38,7 @@ GRAVITY = {
 
 
 def add_arguments(command, gravity=""):
-    """Add the keys of a log, and those of gravity if `gravity` is the text on its default."""
+    """Add the options of a log, and of gravity if `gravity`, the text on its default, is given."""
     group = command.add_argument_group(
         "keys as in a config", "columns by name or, in a log without header, by number from 0"
     )
@@ -78,7 +78,7 @@ def expand_shorthands(words):
                 for quantity in PARTS
                 if part.strip().lstrip("±.0123456789 ") in units[quantity]
             }
-            # what is no range keeps the option, which the parser refuses
+            # a word that is not a range stays with the option, which the parser then refuses
             expanded = expanded[:-1] if ranges else expanded
             expanded += [w for q, size in ranges.items() for w in (f"--range.{q}", size)] or [word]
         else:
@@ -88,7 +88,10 @@ def expand_shorthands(words):
 
 
 def read_value(text):
-    """Return the value of an option: as JSON reads it, else a list if there are commas, or text."""
+    """Return the value of an option.
+
+    A text that is JSON gives its value. Another text gives a list if it has commas, else itself.
+    """
     try:
         return json.loads(text)
     except ValueError:
@@ -97,7 +100,10 @@ def read_value(text):
 
 
 def declared_keys(arguments):
-    """Return the keys of a device's entry in a config that the options give, nested dicts."""
+    """Return the keys of a device that the options declare, nested dicts as in a config.
+
+    Raises an ImuloopError if a key and a key inside it are both given.
+    """
     keys = {}
     for path in OF_LOG | GRAVITY:
         if path not in arguments:
@@ -112,10 +118,10 @@ def declared_keys(arguments):
 
 
 def between(low, high, count=1):
-    """Return a function that reads an argument: a number in a range, or several."""
+    """Return a function that reads an argument of `count` numbers from `low` to `high`."""
 
     def number(text):
-        """Return the number of an argument, or a tuple of `count` numbers."""
+        """Return the number in an argument, or a tuple of `count` numbers if these are several."""
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

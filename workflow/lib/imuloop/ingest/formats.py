@@ -24,7 +24,7 @@ class LogFormat:
     a log is read. The function ``read(paths, columns) -> RawLog`` takes the path of each file by
     its role, and the declared columns by quantity. It raises an ImuloopError if a declaration does
     not fit, and a RejectedLog for a broken file. `endings` are the ends of file names, in lower
-    case. `starts` are the first bytes that show the format whatever the name of the file. `folder`
+    case. `starts` are the first bytes that show the format under any file name. `folder`
     tells whether a folder may be read. `remedy` is advice to a user with a broken file.
     """
 

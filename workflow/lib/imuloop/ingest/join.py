@@ -122,7 +122,7 @@ def _onto(names, stamps, values, tick, linear):
 
     `names` are the names of the clock and of the log. `stamps` are the time stamps by name, in
     units of `tick` ns. Rows that miss a value, repeat a stamp or come late are left out. If
-    `linear`, values are interpolated, and not-a-number in gaps. Otherwise a value is that of the
+    `linear`, values are interpolated, and not-a-number in gaps. Otherwise a value belongs to the
     nearest sample, and not-a-number if this is farther than half of `gap_limit`. A RejectedLog is
     raised if a clock starts again, or the two clocks share no time.
 

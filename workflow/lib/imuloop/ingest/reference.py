@@ -209,7 +209,7 @@ def _noise(reference):
     """
 
     def size(known, difference):
-        """Return σ from the median of third differences, or None without any.
+        """Return σ from the median of third differences, or None if there are none.
 
         Each is over four evenly spaced samples. `known` is the mask of usable samples, and
         ``difference(a, b)`` returns the change from samples a to samples b, (k, 3).

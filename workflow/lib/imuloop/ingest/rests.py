@@ -61,7 +61,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return the figures of the stops, `rests` in quality.schema.yaml, or None without a stop.
+    """Return the figures of the stops, `rests` in quality.schema.yaml; None if there is no stop.
 
     Parameters
     ----------

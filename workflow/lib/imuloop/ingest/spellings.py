@@ -221,7 +221,7 @@ def guess(names, alone=None, usual=True):
     for quantity, matches in found.items():
         fine = [each for each in matches if each[0].kind != _PREFIXED or each[0].prefix in shared]
         if quantity not in SENSORS:
-            # with several prefixes, as of several devices, it is not known which one counts
+            # several prefixes may stand for several devices: it is not known which one counts
             fine = sorted(m for m in fine if m[0].kind != _PREFIXED or len(shared) == 1)
             # a column of seconds may be a part of a clock, as in hours, minutes, seconds
             fine = [m for m in fine if not (clock and m[0].name in _SPELT["time"])]
