@@ -252,7 +252,7 @@ def report(devices, command, family=None, failures=()):
     family : path-like, optional
         Path of family.json, if devices of the config declare a type.
     failures : list of imuloop.failures.Failure
-        At least one for each device without complete results.
+        Failures of the run, at least one for each device without complete results.
     """
     import imuloop
     from imuloop.report.provenance import provenance

@@ -138,7 +138,7 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return the scales, full scales, tolerances and noise of a device, dicts by name.
+    """Return the scales, full scales, tolerances and noise of a device, a dict of dicts.
 
     `device` has the keys ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a config; a key
     may be absent.

@@ -11,12 +11,12 @@ LATITUDES, HEIGHTS = (-90, 90), (-1000, 20000)
 def normal_gravity(latitude, height):
     """Return normal gravity on and above the WGS 84 ellipsoid, m/s^2.
 
-    On the ellipsoid it is ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), above it ``g
-    = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``. Takes the geodetic latitude φ, degrees,
-    and the height h above the ellipsoid, m. The other symbols are constants of WGS 84: ge is
-    gravity at the equator, k the constant of the formula, e² the squared eccentricity, a the
-    semi-major axis, m, f the flattening, and m the ratio of centrifugal to gravitational
-    acceleration at the equator.
+    On the ellipsoid it is ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), above it
+    ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``. φ is the geodetic `latitude`, degrees,
+    and h the `height` above the ellipsoid, m. The other symbols are constants of WGS 84: ge is
+    gravity at the equator, k the constant of Somigliana's formula, e² the squared eccentricity, a
+    the semi-major axis in m, f the flattening, and m the ratio of the centrifugal acceleration to
+    gravity at the equator.
 
     References
     ----------

@@ -97,7 +97,7 @@ class Result:
         return Plots(self.device)
 
     def _write_curves(self):
-        """Write the Allan curves of the sessions, which only pictures show, unless they exist."""
+        """Write the Allan curves of all sessions unless they exist; only pictures show them."""
         if not all(files["allan"].exists() for files in self.device.sessions.values()):
             chain.allan(self.device)
 

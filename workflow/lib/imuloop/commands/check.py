@@ -181,7 +181,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return words on whether a Change is drift, for a bias with the size that is allowed."""
+    """Return words on whether a Change is drift; for a bias they name the allowed change."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

@@ -56,8 +56,9 @@ def expand_shorthands(words):
     """Return the words of a command line with shorthands written as keys of a config, a list.
 
     ``--set units.time=ms rate=100`` becomes ``--units.time ms --rate 100``, and ``--time-unit ms``
-    becomes ``--units.time ms``. ``--range 16g,2000deg/s`` becomes an option for each sensor, and
-    ``--counts acceleration=SCALE,OFFSET`` the unit, the scale and the offset of a count.
+    becomes ``--units.time ms``. ``--range 16g,2000deg/s`` becomes an option for each sensor.
+    ``--counts acceleration=SCALE,OFFSET`` becomes three options: the unit ``count``, its scale and
+    its offset.
     """
     expanded, start = [], None
     for word in words:

@@ -101,7 +101,7 @@ class Clock:
         return x + np.cumsum(added), usable
 
     def span_in(self, tick):
-        """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
+        """Return the span of the counter in units of `tick` ns; None if it did not roll over."""
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):

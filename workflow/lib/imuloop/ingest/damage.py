@@ -4,7 +4,7 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
-# no log is packed to a smaller part than one in this number
+# largest ratio of the unpacked to the packed size of a log: no log packs better
 MOST_TIMES = 200
 # number of bytes at the start of a file that show its format and its layout; a text without the end
 # of a line in them is not a table

@@ -166,8 +166,8 @@ def _number_samples(rows, t, packets):
     -------
     tuple or None
         Four arrays with an element for each transfer, or row: its first row, the number of samples
-        lost before it, the number of its first sample, and its time, s. The fifth element is the
-        width of the scatter of the stamps about the clock, samples.
+        lost before it, the number of the sample with its stamp, and its time, s. The fifth element
+        is the width of the scatter of the stamps about the clock, samples.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)
@@ -212,7 +212,7 @@ def _transfers(rows, t):
 def _clock(t):
     r"""Return the frequency of the clock that time stamps show, Hz; None if they show none.
 
-    `t` are the time stamps, s, (n,). The frequency is a peak of the spectrum of the stamps
+    `t` are the n time stamps t_k, s, (n,). The frequency is a peak of the spectrum of the stamps
 
     .. math:: C(f) = \left|\sum_k e^{2 \pi i f t_k}\right| / n,
 

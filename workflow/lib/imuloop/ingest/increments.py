@@ -14,7 +14,10 @@ _BY_STAMPS = "step of the stamps that ends at the row"
 
 
 def factors(units):
-    """Return the factor to SI of each sensor that logs increments, by quantity; `units` are too."""
+    """Return the factor to SI of each sensor that logs increments, by quantity.
+
+    `units` are the units of the log by quantity.
+    """
     return {q: known[units[q]] for q, known in INCREMENTS.items() if units.get(q) in known}
 
 

@@ -6,8 +6,8 @@ The GNSS time of a sample between two marks is
           b_t = (t_3 - t_1) - (C_3 - C_1)\,s
 
 The index is 1 at the mark before, 2 at the sample, and 3 at the mark after. C is the local counter,
-t is GNSS time, and s is the nominal time of a tick, 1e-6 s for microseconds. The
-error of the local clock over the interval, b_t, is spread evenly over it.
+t is GNSS time, and s is the nominal time of a tick, 1e-6 s for microseconds. The error of the local
+clock over the interval, b_t, is spread evenly over it.
 """
 
 from dataclasses import dataclass

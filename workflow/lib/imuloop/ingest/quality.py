@@ -179,7 +179,7 @@ def _faults(columns, names, zeros, figures):
         alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
         alone = alone if alone > channel.OFTEN * len(is_zero) else 0
         for name, c in channels.items():
-            # not stuck are a silent channel, and a saturated channel at an end of its range
+            # neither a silent channel nor a saturated channel at an end of its range is stuck
             ends = clipped[name]["values"]
             stuck = [run for run in c.stuck if name not in silent and c.x[run[0]] not in ends]
             faults["failed_reads"][name] = alone or c.failed_reads
@@ -238,8 +238,8 @@ def rails(figures, full_scale=None):
     """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
 
     The true value of a sample at an end lies at the end or beyond. If clipped samples reach the
-    declared `full_scale`, both ends are at it. Otherwise they are the saturated ends in the
-    `figures`, with None for an end that is not saturated.
+    declared `full_scale`, both ends are at its share `CLIPPED_SHARE`. Otherwise they are the
+    saturated ends in the `figures`, with None for an end that is not saturated.
     """
     ends, found = {}, figures["faults"].get("clipped_at", {})
     for name, limits in figures["range"].items():

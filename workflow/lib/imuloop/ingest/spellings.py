@@ -49,7 +49,7 @@ _PART = re.compile(r"(.*?)((?:n|u|nano|micro|milli)(?:secs?|seconds))", re.IGNOR
 
 
 def _plain(text):
-    """Return a text in lower case, with letters and digits only and usual signs as letters."""
+    """Return the letters and digits of a text in lower case, with deg for ° and u for μ."""
     text = unicodedata.normalize("NFKC", str(text)).lower().replace("°", "deg").replace("μ", "u")
     return re.sub(r"[\W_]", "", text)
 

@@ -40,20 +40,20 @@ _AROUND, _NEXT = np.r_[: REACH - 2, REACH + 3 : 2 * REACH + 1], np.r_[REACH - 1 
 def isolated(x, steps):
     """Return the rows and the channel numbers of k spikes on a single channel, (2, k) of int.
 
-    A spike x satisfies
+    A sample v is a spike if no other channel moves, and
 
-        |x - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
+        |v - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
 
     c is the value of the cubic through NEAR samples on each side, and d the largest distance of
     these from the cubic. s is the standard deviation of the noise: the median distance, within
     REACH, of samples from the cubic through two samples on each side, over 0.6745. q is the
-    quantisation step. A sample is a spike only if no other channel moves.
+    quantisation step.
 
     Parameters
     ----------
-    x : array_like, shape (c, n)
-        Samples of c channels.
-    steps : array_like, shape (c,)
+    x : array_like, shape (m, n)
+        Samples of m channels.
+    steps : array_like, shape (m,)
         Quantisation steps of the channels, 0 if a step is not known.
     """
     x, steps, found = list(x), np.asarray(steps), []

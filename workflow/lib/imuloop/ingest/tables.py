@@ -43,7 +43,7 @@ def table_log(names, chosen, columns, headed=True, tick=1, **known):
     headed : bool
         Whether the names are from the table; otherwise they are numbers.
     tick : float
-        Number of units of time in 1 of the time stamps.
+        Factor from the time stamps to the unit of time.
     **known
         Attributes of the RawLog that the file states itself.
     """

@@ -173,7 +173,7 @@ def _separator(rows, least, json):
         long = [row for row in table if len(row) >= least]
         given = [text for row in long for text in row if text]
         numeric = sum(map(is_number, given)) / max(1, len(given)) * len(long) / len(rows)
-        # blanks come last: names and dates may contain them, and fields between tabs may be empty
+        # blanks count less: names and dates may contain them, and fields between tabs may be empty
         share = numeric * (1 + alike / len(rows)) * (0.9 if separator == BLANKS else 1.0)
         if width >= least and share > best[0]:
             best = share, numeric, separator, width
