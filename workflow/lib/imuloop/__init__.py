@@ -35,7 +35,7 @@ def __getattr__(name):
     # a calibration may hold any effect of the library
     import_module("imuloop.effects")
     module = import_module(f"imuloop.{_PLACES[name]}")
-    # these two modules can be called, as functions
+    # these two modules are callable themselves
     return module if name in ("calibrate", "plot") else getattr(module, name)
 
 

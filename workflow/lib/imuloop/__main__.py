@@ -15,7 +15,8 @@ def main(argv=None):
     """Run one command; return the exit status.
 
     The status is 0 for success, 1 after an error that is shown in one line, 130 after Ctrl-C, or
-    another one that the command returns. `argv` are the arguments, by default those of the process.
+    another number that the command returns. `argv` are the arguments, by default those of the
+    process.
     """
     before = signal.signal(signal.SIGINT, _leave)
     try:
@@ -30,7 +31,7 @@ def main(argv=None):
 
 
 def _leave(*_):
-    """End the process at once, as libraries that are being loaded hide a KeyboardInterrupt."""
+    """End the process at once: libraries that are being loaded would hide a KeyboardInterrupt."""
     os.write(2, b"imuloop: interrupted\n")
     os._exit(INTERRUPTED)
 

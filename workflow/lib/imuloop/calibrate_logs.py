@@ -133,7 +133,7 @@ def calibrate(
     # a folder that is removed gets Allan curves only when a picture needs them
     todo = [stage for stage in chain.stages() if folder or stage is not chain.allan]
     count = len(logs) + len(todo)
-    # the time that is left is not known: stages differ
+    # no remaining time is shown, as stages take different times
     shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
     stages = tqdm(total=count, disable=not progress, leave=False, bar_format=shown)
     # the matrices are small: threads within a product slow it down
@@ -191,7 +191,10 @@ def read(log, **declared) -> pd.DataFrame:
 
 
 def _list_logs(logs):
-    """Return a list of logs, empty for None or (); a single log may be a tuple of arrays."""
+    """Return logs as a list, which is empty for None or ().
+
+    `logs` is a list of logs, or a single log, which may be a tuple of arrays.
+    """
     if logs is None or (isinstance(logs, tuple) and not logs):
         return []
     return logs if isinstance(logs, list) else [logs]
@@ -199,7 +202,7 @@ def _list_logs(logs):
 
 @read_in(PYTHON)
 def _ingest(device, session, log, declared):
-    """Write the samples and the quality of a session of a Device.
+    """Read a log, and write the samples and the quality of its session of a Device.
 
     `session` is the name of the session. `log` is a path or a DataFrame, or a dict with one of
     these for each sensor. `declared` are the keys of the config that are declared for the log.

@@ -17,17 +17,17 @@ _TABLES = ("samples", "segments", "allan")
 
 @dataclass(frozen=True)
 class Device:
-    """A device: the input of the stages."""
+    """A device with its sessions and settings, the input of the stages."""
 
     name: str
     folder: Path  # folder of the device's results
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
     gravity: float = 9.80665  # local gravity, m/s^2
-    # by quantity: scale and offset of counts, and full scale, SI
+    # for each quantity: scale and offset of counts, and full scale, SI
     nominal: Mapping = field(default_factory=dict)
     full_scale: Mapping = field(default_factory=dict)
-    # by sensor: standard deviations of its parameters about their nominal values
+    # for each sensor: standard deviations of its parameters about their nominal values
     tolerances: Mapping = field(default_factory=dict)
     # ``sensor``, the name of the sensor, and ``noise``, its typical white noise by sensor, SI
     data_sheet: Mapping = field(default_factory=dict)
@@ -46,7 +46,7 @@ class Device:
 
     @property
     def sessions(self):
-        """Kind and paths of the files of each session, dicts by name of the session."""
+        """Kind and paths of the files of each session, a dict of dicts by name of the session."""
         return {
             name: {"kind": kind, "quality": self.file(f"{name}/quality.json")}
             | {table: self.file(f"{name}/{table}.parquet") for table in _TABLES}
@@ -64,6 +64,7 @@ def ingest(device, session, declared, paths, reject=False):
     Parameters
     ----------
     device : Device
+        Device whose folder gets the files.
     session : str
         Name of the session.
     declared : dict
@@ -90,7 +91,7 @@ def ingest(device, session, declared, paths, reject=False):
 
 
 def segment(device):
-    """Write the segments of each session."""
+    """Write the segments of each session of a Device: its rests and moves."""
     from imuloop.core.samples import Samples, read_metadata
     from imuloop.core.tables import write_table
     from imuloop.segment.segment import segment_session
@@ -107,7 +108,7 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json, and the spectra of all sessions, spectra.parquet."""
+    """Write noise.json, and spectra.parquet with the spectra of all sessions of a Device."""
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise
     from imuloop.noise.records import read_recorded
@@ -120,7 +121,7 @@ def noise(device):
 
 
 def calibrate(device):
-    """Write six_position.json and multi_position.json."""
+    """Write the calibrations of a Device, six_position.json and multi_position.json."""
     from imuloop.calibrate.calibrate import calibrate_device
     from imuloop.calibrate.settings import CalibrateSettings
 
@@ -153,7 +154,8 @@ def _prior(device):
 def diagnose(device):
     """Write the diagnosis, the final calibration, the validation by attitude, and their tables.
 
-    The tables have the poses, moves, windows, errors of attitude and corrected Allan curves.
+    The tables have the poses, moves, windows, errors of attitude, and the Allan curves without the
+    effects.
     """
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
@@ -191,7 +193,7 @@ def diagnose(device):
 
 
 def allan(device):
-    """Write the Allan curves of each session: as logged, then after subtracting the effects."""
+    """Write the Allan curves of each session: as logged, and after the effects are subtracted."""
     from imuloop.core.tables import joined, read_session, write_table
     from imuloop.noise.allan import session_curves
     from imuloop.noise.records import read_recorded
@@ -204,7 +206,7 @@ def allan(device):
 
 
 def export(device):
-    """Write the folder exports: files for other tools, and exports.json, the list of them."""
+    """Write the folder exports with files for other tools, and their list, exports.json."""
     from imuloop.export.export import export_files, read_exported, write_exports
 
     qualities = [files["quality"] for files in device.sessions.values()]
@@ -220,7 +222,10 @@ def export(device):
 
 
 def report_device(device):
-    """Write the exports, section of the report, page, figures and comparison row of a device."""
+    """Write the exports of a Device, and its part of the report.
+
+    The part is a section, a page, figures and a row of the comparison.
+    """
     from imuloop.report.section import write_section
 
     export(device)
@@ -234,9 +239,9 @@ def report_device(device):
 
 
 def report(devices, command, family=None, failures=()):
-    """Write results/report.html and results/comparison.csv; return lines of verdicts.
+    """Write results/report.html and results/comparison.csv; return lines with the verdicts.
 
-    The result has a line with the verdicts for each device that did not fail.
+    The lines are a list, with one for each device that did not fail.
 
     Parameters
     ----------
@@ -247,7 +252,7 @@ def report(devices, command, family=None, failures=()):
     family : path-like, optional
         Path of family.json, if devices of the config declare a type.
     failures : list of imuloop.failures.Failure
-        At least one for each device without complete results.
+        Failures of the run, at least one for each device without complete results.
     """
     import imuloop
     from imuloop.report.provenance import provenance
@@ -265,11 +270,11 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the functions of the stages that make results from samples, in order, a tuple."""
+    """Return the functions of the stages from segment to allan in their order, a tuple."""
     return segment, noise, calibrate, diagnose, allan
 
 
 def run(device):
-    """Call all stages that follow ingest on a Device."""
+    """Call all stages after ingest for a Device."""
     for stage in (*stages(), report_device):
         stage(device)

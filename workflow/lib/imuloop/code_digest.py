@@ -1,4 +1,4 @@
-"""The param `code` of each rule: a job reruns when code that its stage uses changes."""
+"""The param `code` of each Snakemake rule: a job reruns if code that its stage uses changes."""
 
 import hashlib
 import marshal
@@ -19,11 +19,16 @@ def code_digest(script, *packages, without=(), library=_LIBRARY):
     """Return the SHA-256 of the code that a stage uses, text.
 
     `script` is the path of the stage's script, and `packages` are the names of further packages of
-    the library, whose folder is `library`. The code is: the script; all modules and YAML tables of
-    the package with the name of the script, of `packages`, of core, and of each package that one of
-    these or the script imports; imported modules next to the packages, such as chain.py; and the
-    versions of packages that are not of the library. Comments, the text of docstrings, assertions,
-    and modules of the package of the script with a name in `without` do not count.
+    the library, whose folder is `library`. The digest covers:
+
+    - the script;
+    - all modules and YAML tables of these packages: the one with the name of the script, core,
+      `packages`, and each package that the script or one of these packages imports;
+    - imported modules next to the packages, such as chain.py;
+    - the versions of packages that are not part of the library.
+
+    Comments, the text of docstrings, and assertions do not count, nor do modules in the package of
+    the script whose names are in `without`.
     """
     script, library = Path(script), Path(library)
     found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
@@ -66,7 +71,7 @@ def _without_lines(code):
 
 @cache
 def _version(package):
-    """Return the version of an installed package, by its name; None for one of Python itself."""
+    """Return the version of an installed package by its name; None for a module of Python."""
     try:
         return version({"yaml": "pyyaml"}.get(package, package))
     except PackageNotFoundError:

@@ -19,14 +19,14 @@ STAGES = ("segment", "noise", "calibrate", "diagnose")
 
 
 def merge(base, override):
-    """Return `base` with the values of `override`; mappings in both are merged key by key."""
+    """Return `base` with the values of `override`; two mappings are merged key by key."""
     if not isinstance(base, dict) or not isinstance(override, dict):
         return override
     return base | {key: merge(base.get(key), value) for key, value in override.items()}
 
 
 def without_dates(value):
-    """Return `value` with keys, and dates, as text; YAML makes dates of stamps without quotes."""
+    """Return `value` with keys and dates as text: YAML turns stamps without quotes into dates."""
     if isinstance(value, dict):
         return {str(key): without_dates(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -35,14 +35,14 @@ def without_dates(value):
 
 
 def merged_devices(config):
-    """Return the devices by name, with the defaults, and their sessions with the device's keys."""
+    """Return the devices by name, with the defaults; sessions have the keys of their device."""
     defaults = config.get("defaults") or {}
     merged = {name: merge(defaults, device) for name, device in config["devices"].items()}
     return {name: _expand_sessions(device) for name, device in merged.items()}
 
 
 def _expand_sessions(device):
-    """Return a device whose sessions have all keys that apply to them, and one log file each.
+    """Return a device whose sessions each have one log file and all keys that apply to them.
 
     A session with a pattern or a folder of files becomes a session for each file. A device or
     session that is not a mapping, a fault that is reported elsewhere, stays as it is.
@@ -66,14 +66,14 @@ def _expand_sessions(device):
 
 
 def _find_logs(file, form):
-    """Return the paths of logs in a pattern or a folder, in order; None if `file` is one log.
+    """Return the sorted paths of the logs in a pattern or a folder; None if `file` is one log.
 
     `form` is the name of the format that is declared, or None.
     """
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
         return None
     try:
-        # a file may have such characters in its name
+        # the name of a file may contain characters of patterns
         if _WILD.search(file) and not Path(file).exists():
             return sorted(glob(file)) or None
         if not Path(file).is_dir():
@@ -94,10 +94,10 @@ def _find_logs(file, form):
 
 
 def _session_name(path, session, taken):
-    """Return the name of the session of one of several files: its name, made fit for a folder.
+    """Return a session's name for one of several files: the file's name, made fit for a folder.
 
     `path` is the path of the file, `session` the name of the session in the config, and `taken` are
-    names of other sessions, which the result differs from.
+    names of other sessions, from which the result differs.
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
     if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
@@ -110,21 +110,21 @@ def _session_name(path, session, taken):
 
 
 def resolve(config):
-    """Return the devices of a config without faults by name, each a dict that stages can use.
+    """Return the devices of a config by name, each a dict that stages can use.
 
-    A device has ``label``, ``gravity`` (m/s^2), the keys of the result of `device_figures`, the
-    settings of each stage, ``type`` (None if not given), ``prior`` with ``file`` and ``type``
-    (empty if not given), and ``sessions`` by name. A session has ``kind``, ``format``, ``sources``
-    (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` if they
-    have their own files), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``,
-    ``reference`` and ``known_rotation``.
+    The config has no faults. A device has ``label``, ``gravity`` (m/s^2), the keys of the result of
+    `device_figures`, the settings of each stage, ``type`` (None if not given), ``prior`` with
+    ``file`` and ``type`` (empty if not given), and ``sessions`` by name. A session has ``kind``,
+    ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and
+    ``reference`` if they have their own files), ``columns``, ``units``, ``rate`` (Hz),
+    ``time_range``, ``pps``, ``reference`` and ``known_rotation``.
     """
     devices = merged_devices(without_dates(config))
     return {name: _resolve_device(name, device) for name, device in devices.items()}
 
 
 def _resolve_device(name, device):
-    """Return a device of the config, given by name and content, with all keys, a dict."""
+    """Return a device with all keys, a dict; `device` is its entry in the config."""
     prior = device.get("prior")
     return {
         "label": device.get("label", name),
@@ -138,7 +138,7 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return the scales, full scales, tolerances and noise of a device, dicts by name.
+    """Return the scales, full scales, tolerances and noise of a device, a dict of dicts.
 
     `device` has the keys ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a config; a key
     may be absent.
@@ -147,7 +147,7 @@ def known_figures(device):
 
 
 def _resolve_session(session):
-    """Return a session of the config, a dict, with all keys; files have the key ``sources``."""
+    """Return a session with all keys, a dict; its files are under the key ``sources``."""
     resolved = {key: session.get(key) for key in ("kind", "format", "rate", "time_range")}
     for key in ("columns", "units", "pps", "reference"):
         resolved[key] = dict(session.get(key) or {})
@@ -161,9 +161,10 @@ def _resolve_session(session):
 
 
 def sources(file):
-    """Return the sources, dicts, of a ``file`` by role: ``log``, or one for each sensor.
+    """Return the sources of a log by role, a dict of dicts; `file` is its entry in the config.
 
-    A source is a local file with ``path``, or a file to be fetched.
+    The role is ``log``, or ``acceleration`` and ``angular_rate`` for a log in two files. A source
+    is a local file with the key ``path``, or a file to be fetched.
     """
     if isinstance(file, dict) and "acceleration" in file:
         return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
@@ -171,7 +172,7 @@ def sources(file):
 
 
 def by_type(devices):
-    """Return the names of the devices of each type, a dict by type; others are left out."""
+    """Return the names of the devices of each type, a dict; devices without type are left out."""
     types = {}
     for name, device in devices.items():
         if device.get("type"):

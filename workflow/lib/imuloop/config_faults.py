@@ -25,7 +25,7 @@ def config_faults(config, files, replicas, mirror=None):
     config : dict
         The config as Snakemake merged it.
     files : dict of str to path-like
-        The files that it came from, by the name that a fault shall show.
+        The files that the config came from, by the name that a message shows.
     replicas : dict of str to list of str
         Sessions of each simulated device that the workflow can make.
     mirror : str, optional
@@ -34,7 +34,7 @@ def config_faults(config, files, replicas, mirror=None):
     config, lines, faults = without_dates(config), {}, {}
     for name, path in files.items():
         of_keys, of_text = read_keys(Path(path).read_text(encoding="utf-8"))
-        # of a key in several files the last one counts
+        # if several files have a key, the last one counts
         lines |= {key: f"{name} line {line}" for key, line in of_keys.items()}
         faults |= of_text
     merged = config
@@ -53,7 +53,10 @@ def config_faults(config, files, replicas, mirror=None):
 
 
 def _validation_faults(config, context=None):
-    """Yield (key, text) for each fault of a config whose devices hold the defaults already."""
+    """Yield (key, text) for each fault of a config whose devices already have the defaults.
+
+    `context` is ``{"replicas": …}`` if the files that are named have to exist, else None.
+    """
     try:
         Config.model_validate(config, context=context)
     except ValidationError as error:
@@ -75,10 +78,10 @@ def device_faults(name, device):
 
 
 def _where_written(written, key):
-    """Return the key in the config at which a key of a device with its defaults was written.
+    """Return the key at which the config has the value for a key of a merged device.
 
-    The key may be written there, at the device of a session, or in the defaults. `written` are all
-    keys of the config.
+    The value may be written at the key itself, at the device of a session, or in the defaults.
+    `written` are all keys of the config.
     """
     if key in written or len(key) < 3 or key[0] != "devices":
         return key
@@ -89,7 +92,7 @@ def _where_written(written, key):
 
 
 def _describe(error, key):
-    """Return an error of pydantic for a key as text."""
+    """Return the text of a fault; `error` is an error of pydantic about the value of `key`."""
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:76]}…"
     if rule == "unexpected_keyword_argument":

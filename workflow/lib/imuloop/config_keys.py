@@ -1,4 +1,4 @@
-"""Types of values in a config that may be of several kinds, and mappings that report all faults."""
+"""Types for config values that may have one of several types, and mappings with all faults."""
 
 from typing import Annotated, Union
 
@@ -37,13 +37,13 @@ def is_branch(part):
 
 
 class Keys(BaseModel):
-    """A mapping of keys, which has no unknown keys."""
+    """A mapping of keys that refuses unknown keys."""
 
     model_config = ConfigDict(extra="forbid")
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield (path, text) for each fault that depends on several keys.
+        """Yield (path, text) for each fault that depends on several keys; here none.
 
         Parameters
         ----------

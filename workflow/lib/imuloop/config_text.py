@@ -14,27 +14,27 @@ from imuloop.core.errors import one_line
 
 # the loader of libyaml, where it is installed, is much faster
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-# patterns of the type, by YAML, and the text of values that YAML takes for another type
+# patterns for a value that YAML takes for another type: its type by YAML, a blank and its text
 _TRAPS = (
     r"str [-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+",
     r"(?i)bool (on|off|yes|no)",
     r"(int|float) [-+]?[0-9]+(:[0-9]+)+(\.[0-9]*)?",
     r"int [-+]?0[0-9_]+",
 )
-# pattern of the type, by YAML, and the text of further keys that YAML does not take for text
+# pattern, of the same form, for further keys that YAML does not take for text
 _NO_NAME = r"(?i)bool (true|false)|null .*"
 
 
 def unreadable(path):
     """Return a line with the reason if a file does not hold a config, else None."""
     try:
-        # from a file, not its text, PyYAML tells the name with the line
+        # if PyYAML reads the file, not its text, its message has the name with the line
         with open(path, encoding="utf-8") as file:
             content = yaml.safe_load(file)
     except FileNotFoundError:
         return f"{path}: there is no such file here; write one, or name one with --configfile"
     except Exception as error:
-        # no YAML; text that is not UTF-8; an impossible date, number or truth value
+        # invalid YAML; text that is not UTF-8; an impossible date, number or truth value
         return one_line(f"{path}: cannot be read: {error}")
     if not isinstance(content, dict):
         kind = "empty" if content is None else "not a mapping of keys"
@@ -43,7 +43,7 @@ def unreadable(path):
 
 
 def read_keys(text):
-    """Return the line of each key in a config's text, and the faults of YAML, dicts by key.
+    """Return the line number of each key in a config's text, and the faults, two dicts by key.
 
     A key is the tuple of all names and indices that lead to a value. A fault is the text on a value
     that YAML reads otherwise than the user means it.
@@ -76,12 +76,12 @@ def read_keys(text):
 
 
 def _typed(node):
-    """Return the type of a node by YAML, such as ``str``, a blank and its text."""
+    """Return text with the type of a node by YAML, such as ``str``, a blank, and its value."""
     return f"{node.tag.rpartition(':')[2]} {node.value}"
 
 
 def _trap(written):
-    """Return the fault of a value that YAML takes for another type than the user, text."""
+    """Return the text of the fault of a value that YAML takes for another type than the user."""
     meaning = yaml.safe_load(written)
     if isinstance(meaning, str):
         number, *_ = yaml.safe_dump(float(written)).split()

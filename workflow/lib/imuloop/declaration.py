@@ -1,4 +1,4 @@
-"""Declarations on a device outside a config; the model of a config checks them, too."""
+"""Declarations of a device without a config, which the model of a config checks, too."""
 
 from collections.abc import Mapping
 from numbers import Real
@@ -8,12 +8,12 @@ from imuloop.core.files import plain
 from imuloop.ingest.places import for_reader
 from imuloop.local_gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 
-# keys of a device that say something of its logs and its sensor
+# keys of a device about its logs and its sensor
 KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
 
 
 def check_declared(keys, name="device", settings=None):
-    """Return declared keys as plain data; raise an ImuloopError for the first fault in a config.
+    """Return declared keys as plain data; raise an ImuloopError for the first fault in them.
 
     Parameters
     ----------

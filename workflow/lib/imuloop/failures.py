@@ -1,4 +1,4 @@
-"""The report of all other devices after a run of the workflow in which jobs failed.
+"""The report on the complete devices after a run of the workflow in which jobs failed.
 
 Snakemake removes the outputs of a job that failed. So the first output of a device that is missing
 names the job, and the log of that job has the reason.
@@ -18,7 +18,7 @@ REPORT = "results/report.html"
 # an input of the report; it is written after a report that lacks devices, which is then out of date
 ATTEMPT = Path("results/.attempt")
 KILLED = "no message: killed, or no memory or no room on the disk left"
-# by stage, in their order, an output: of a session after its name, or of the device
+# an output of each stage, in their order; the output of a session has the name of the session
 OUTPUTS = {
     "ingest": "{session}/samples.parquet",
     "segment": "{session}/segments.parquet",
@@ -47,7 +47,7 @@ class Failure:
 
 
 def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
-    """Write the report of all other devices after a run in which jobs failed.
+    """Write the report after a run in which jobs failed.
 
     The report has the complete devices, and for each other device the stage that failed. A device
     that failed loses its part of the report: Snakemake would take a part that an earlier run made
@@ -56,11 +56,11 @@ def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
     Parameters
     ----------
     config : dict
-        Config of imuloop.
+        The config of the run, without faults.
     command : str
         Command that makes the report, to be shown in it.
     asked : bool
-        Whether the run was to write the report.
+        Whether the run was meant to write the report.
 
     Returns
     -------
@@ -122,9 +122,10 @@ def _failure(name, device, config):
 
 
 def _source(session, config):
-    """Return rule, file and log of the first file of a session that a job should have made.
+    """Return rule, name and log of the job for the first missing file of a session, or None.
 
-    `session` is a session of a resolved device. The result is None if no such file is missing.
+    Only files that a job fetches or simulates count. `session` is a session of a resolved device,
+    and `config` is the config.
     """
     for source in session["sources"].values():
         path = source_path(source, config.get("cache", "data/cache"))

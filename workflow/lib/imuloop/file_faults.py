@@ -15,7 +15,7 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 
 def path_fault(path):
-    """Return the fault that makes a path unusable for Snakemake, or None."""
+    """Return the fault of a path that Snakemake cannot use, text, or None if it can."""
     if not path.isprintable() or path != path.strip():
         return f"{path!a} has a blank at an end or what cannot be printed; rename it"
     if re.search(r"\{.*\}", path):
@@ -24,11 +24,12 @@ def path_fault(path):
 
 
 def file_fault(path, replicas, folder=False):
-    """Return the fault of the path of an input as text, or None.
+    """Return the fault of the path of an input as text, or None for a sound path.
 
     Parameters
     ----------
     path : str
+        The path as the config names it.
     replicas : dict of str to list of str
         Sessions of each simulated device that the workflow can make.
     folder : bool, optional

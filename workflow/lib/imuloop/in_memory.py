@@ -1,4 +1,4 @@
-"""From what `imuloop.calibrate` takes for a log to a path or a table."""
+"""Turn a log that `imuloop.calibrate` takes, such as arrays, into a path or a table."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -91,7 +91,10 @@ def _table_of_arrays(*arrays):
 
 
 def _array(name, values):
-    """Return array_like values as an array, with nan for masked ones; `name` is for a message."""
+    """Return array_like values as an array, with nan for masked values.
+
+    `name` is the name of the array in a message. Raises an ImuloopError if rows differ in length.
+    """
     if isinstance(values, np.ma.MaskedArray):
         return values.astype(float).filled(np.nan)
     try:
@@ -111,7 +114,8 @@ def _with_index(table):
 def _make_storable(table, name):
     """Return a DataFrame that a Parquet file can hold; `name` is the name of the log in messages.
 
-    A column that the file cannot hold becomes float64 if it has numbers, otherwise text.
+    A column that the file cannot hold becomes float64 if it has numbers, otherwise text. Raises an
+    ImuloopError if two columns have the same name.
     """
     if not table.columns.is_unique:
         [twice, *_] = table.columns[table.columns.duplicated()]

@@ -1,4 +1,4 @@
-"""The log of one job: a traceback goes to its log file, one line goes to the terminal."""
+"""The log of a job: if it fails, a traceback goes to the log, and one line to the terminal."""
 
 import logging
 import sys
@@ -11,7 +11,7 @@ INTERRUPTED = "the run stopped before this stage was done"
 
 
 class Printable(logging.Formatter):
-    """Formatter of log lines and tracebacks, without control characters that a terminal obeys."""
+    """Formatter that removes control characters, which a terminal obeys, from log lines."""
 
     def format(self, record):
         """Return the text of a record of `logging`."""
@@ -22,8 +22,8 @@ def failure_line(error):
     """Return one line of text about an exception for the user.
 
     The line is the text of the exception if this is an `ImuloopError` or an error of a file, of the
-    machine or of a missing package. Other exceptions, such as errors of numerical libraries, have
-    texts on the code, which are not shown.
+    machine or of a missing package. The texts of other exceptions, such as errors of numerical
+    libraries, are about the code and are not shown.
     """
     kind = type(error).__name__
     if isinstance(error, KeyboardInterrupt):
@@ -54,7 +54,7 @@ def open_log(path, job):
 
 
 def last_words(path):
-    """Return the reason that a failed job wrote at the end of its log, text; empty if none."""
+    """Return the reason at the end of the log of a failed job, text; empty if there is none."""
     if not Path(path).is_file():
         return ""
     lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()

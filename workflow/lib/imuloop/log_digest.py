@@ -1,4 +1,4 @@
-"""The param `logs` of the rule ingest: a log is read again when its content has changed."""
+"""The param `logs` of the rule ingest: a log is ingested again if its content has changed."""
 
 import hashlib
 import json
@@ -11,7 +11,7 @@ def log_digests(paths, record):
     """Return the SHA-256 of each file, a list of text.
 
     Only files whose state has changed since the last call are read. The state is size, times and
-    inode. It changes with the content, but also if the same log is copied.
+    inode. It changes with the content, and also if the same log is copied again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The figures of a device in notebooks, by matplotlib; they are those of the report.
+"""The figures of the report on a device, for notebooks, drawn by matplotlib.
 
 ``draw(areas, result, name)`` draws a figure on given Axes; ``result.plot.allan()`` returns figures.
 """
@@ -17,7 +17,7 @@ def draw(areas, result, name):
     Parameters
     ----------
     areas : matplotlib.axes.Axes, or list of them
-        Where to draw; a figure of several areas needs as many, row by row.
+        Axes to draw on; a figure with several areas needs one for each, row by row.
     result : imuloop.Result
         The result of a device.
     name : str
@@ -72,7 +72,10 @@ class Plots:
         return [*super().__dir__(), *KINDS]
 
     def _figures(self, kind, *names):
-        """Return the figures of a kind, a list, whose names contain all of `names`."""
+        """Return the figures of a kind whose names contain all of `names`, a list.
+
+        Raises an ImuloopError for a name that no figure has.
+        """
         drawn = {p.stem: p for p in self.pictures(kind)}
         known = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
         for name in names:

@@ -26,7 +26,7 @@ from imuloop.model.prior_remarks import remarks
 
 # columns of a result that is printed
 WIDTH = 100
-# source of a log that was not a file
+# name of the source of a log that was not a file
 IN_MEMORY = "in memory"
 
 
@@ -67,7 +67,7 @@ class Result:
 
     @cached_property
     def calibration(self) -> Calibration:
-        """The calibration, effects included: the model that was diagnosed."""
+        """The final calibration with its effects, which is the model that was diagnosed."""
         return Calibration.from_json(self.device.file("calibration.json"))
 
     @cached_property
@@ -97,7 +97,7 @@ class Result:
         return Plots(self.device)
 
     def _write_curves(self):
-        """Write the Allan curves of the sessions, which only pictures show, unless they exist."""
+        """Write the Allan curves of all sessions unless they exist; only pictures show them."""
         if not all(files["allan"].exists() for files in self.device.sessions.values()):
             chain.allan(self.device)
 
@@ -180,9 +180,9 @@ class Result:
 
 
 def verdict_lines(diagnosis):
-    """Return the verdicts in a diagnosis.json in lines of text; records with one verdict share it.
+    """Return the verdicts of a diagnosis as lines of text, a list.
 
-    `diagnosis` is the content of the file.
+    Records with the same verdict share a line. `diagnosis` is the content of diagnosis.json.
     """
     from imuloop.report.findings import blocks
     from imuloop.report.page import phrase
@@ -253,9 +253,10 @@ def load(folder) -> Result:
 
 
 def log_source(quality):
-    """Return where a log came from, by its quality.json: its path, ``in memory``, or an empty text.
+    """Return the source of a log: its path, ``in memory``, or an empty text.
 
-    The paths of a log in two files are joined by "and".
+    `quality` is the content of its quality.json. The paths of a log in two files are joined by
+    "and".
     """
     # a source begins with its path or address
     places = (str(next(iter(source.values()))) for source in quality["source"].values())

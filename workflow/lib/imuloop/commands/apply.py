@@ -74,7 +74,7 @@ def run(arguments):
 
 
 def offset_in_time(calibration):
-    """Return the offset of the gyroscope's stamps, s, found with a reference, else 0.
+    """Return the offset of the gyroscope's stamps, s, by a reference; 0 if there is none.
 
     `calibration` is the path of calibration.json; the offset is in the diagnosis.json next to it.
     """

@@ -51,13 +51,13 @@ def add_logs(command):
 
 
 def _read_log(text):
-    """Return kind and Log of an argument ``static=night.csv``; without one, the first kind."""
+    """Return kind and Log of an argument such as ``static=night.csv``; default: the first kind."""
     kind, _, rest = text.partition("=")
     return (kind, Log.parse(rest)) if kind in KINDS and rest else (KINDS[0], Log.parse(text))
 
 
 def run(arguments):
-    """Write the results of one device, unless nothing was measured."""
+    """Write the results of one device; raise an ImuloopError if nothing was measured."""
     folder = results_folder(arguments.output, "-o", arguments)
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -84,15 +84,16 @@ def run(arguments):
 
 
 def refuse_failures(result):
-    """Raise an error that names the logs that were rejected."""
+    """Raise an ImuloopError that names the rejected logs of a Result, if it has any."""
     if result.failures:
         raise ImuloopError("; ".join(result.failures))
 
 
 def results_folder(folder, option, arguments, more=()):
-    """Return a folder for results, unless they would overwrite something else.
+    """Return a folder for results; raise an ImuloopError if they would overwrite other files.
 
-    `option` names the folder in messages, and `more` are other paths that will be written.
+    `option` names the folder in messages, `arguments` are those of the command, and `more` are
+    other paths that will be written.
     """
     for _, log in arguments.logs:
         log.refuse_no_log()
@@ -108,14 +109,14 @@ def results_folder(folder, option, arguments, more=()):
 
 
 def calibrated(arguments, folder):
-    """Run all stages into a folder; return the `Result`."""
+    """Run all stages on the logs in the arguments; return the `Result`, with files in `folder`."""
     logs = {kind: [] for kind in KINDS}
     for kind, log in arguments.logs:
         if path := log.samples_path():
             raise ImuloopError(f"{path}: samples of a run; give the raw log that they are from")
         logs[kind].append(log.files.get("log", log.files))
     with warnings.catch_warnings():
-        # they are of numbers at their limits; failures and notes are in the result
+        # warnings are about numbers at their limits; failures and notes are in the result
         warnings.simplefilter("ignore")
         return calibrate(
             logs.pop("multi_position"),

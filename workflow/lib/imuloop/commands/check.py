@@ -66,7 +66,7 @@ def add(command):
 
 
 def run(arguments):
-    """Test a calibration on a log, and update its biases; return the exit status."""
+    """Test a calibration on a log, and update its biases if asked; return the exit status."""
     path, log, output = arguments.calibration, arguments.log, arguments.output
     if arguments.update != bool(output):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
@@ -124,7 +124,7 @@ def run(arguments):
 
 
 def read_noise(path):
-    """Return the NoiseModel of a file; raise an ImuloopError if it holds another thing."""
+    """Return the NoiseModel in a file; raise an ImuloopError if the file does not hold one."""
     try:
         return NoiseModel.from_json(path)
     except (KeyError, TypeError, ValueError) as error:
@@ -132,7 +132,7 @@ def read_noise(path):
 
 
 def lines(drift):
-    """Return the result of the test, a Drift, in lines for people."""
+    """Return a Drift, the result of the test, as lines for people, a list."""
     found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
@@ -156,7 +156,7 @@ def lines(drift):
                 f"  {RESIDUALS[key]}, old calibration: {size} {display.unit}, {floor} expected"
             )
         if sensor.untested:
-            # an effect by its name, not by each of its parameters
+            # name an effect once, not each of its parameters
             names = dict.fromkeys(name.partition(".")[0] for name in sensor.untested)
             found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
     if drift.bias_only:
@@ -167,7 +167,11 @@ def lines(drift):
 
 
 def update_lines(updated, kept):
-    """Return the result of `update_biases` in lines for people, in raw units."""
+    """Return lines for people on the biases after an update, in raw units, a list.
+
+    `updated` is the updated Calibration, and `kept` has the reason for each sensor whose bias stays
+    as it was.
+    """
     found = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
         sensor = getattr(updated, name)
@@ -177,7 +181,7 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return in words whether a Change is drift, and for a bias what noise and turn-on allow."""
+    """Return words on whether a Change is drift; for a bias they name the allowed change."""
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

@@ -28,7 +28,7 @@ from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.plan.coach import progress, rest_noise
 from imuloop.report.numbers import number
 
-# exit status of a session that ended too early
+# exit status if the session ended too early
 EARLY = 3
 
 
@@ -77,7 +77,10 @@ def _copy(source, target):
 
 
 def follow(log, arguments, folder):
-    """Print the parameters of a growing log and what to do next; return the exit status."""
+    """Print the errors of the parameters of a growing log, and the next step, until it ends.
+
+    `log` is the Log, and `folder` a folder for its samples. Returns the exit status.
+    """
     size, said, noise, why = -1, None, None, ""
     gravity = arguments.gravity or STANDARD_GRAVITY
     say(f"gravity {gravity:.6g} m/s²")

@@ -61,7 +61,7 @@ def run(arguments):
 
 
 def result_lines(path):
-    """Return the content of a JSON file of results in lines; ImuloopError for another file."""
+    """Return the content of a JSON result as lines; raise an ImuloopError for another file."""
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else {*()}
     try:
@@ -86,7 +86,7 @@ def result_lines(path):
 
 
 def calibration_lines(calibration):
-    """Return parameters ± σ and effects of a Calibration in lines for people."""
+    """Return the parameters ± σ and the effects of a Calibration as lines for people."""
     head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
@@ -109,7 +109,10 @@ def calibration_lines(calibration):
 
 
 def noise_lines(content, data_sheet=None):
-    """Return the noise coefficients of noise.json in lines; `data_sheet` has typical values."""
+    """Return the noise coefficients as lines for people.
+
+    `content` is the content of noise.json, and `data_sheet` has typical values of the sensor.
+    """
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
@@ -122,11 +125,11 @@ def noise_lines(content, data_sheet=None):
 
 
 def quality_lines(content):
-    """Return rate, duration, ranges and faults, from quality.json, in lines for people."""
+    """Return rate, duration, ranges and faults in the content of quality.json, as lines."""
     figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
     rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
     lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
-    # a rejected log has none
+    # a rejected log has no ranges
     known = {name: span for name, span in (content.get("range") or {}).items() if span}
     lines += [f"  {name}  {low:.6g} to {high:.6g}" for name, (low, high) in known.items()]
     lines += [f"rejected: {reason}" for reason in content["reasons"]]
@@ -134,7 +137,7 @@ def quality_lines(content):
 
 
 def log_lines(log, declared):
-    """Return a log in lines for people, and whether it is rejected; `declared` are its keys."""
+    """Return lines on a Log, and whether it is rejected; `declared` are its declared keys."""
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder))
     rejected = quality.get("status") == "rejected"

@@ -17,7 +17,7 @@ from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.sensors import PARTS
 
-# how a log is given
+# words of the help on how a log is given
 LOG = "LOG or acceleration=FILE,angular_rate=FILE"
 
 
@@ -70,17 +70,17 @@ class Log:
 
 
 def refuse_swapped(calibration, log):
-    """Raise an ImuloopError where a log stands in the place of the calibration."""
+    """Raise an ImuloopError if the log is given in place of the calibration, and vice versa."""
     if any(path.suffix == ".json" for path in log.paths) and calibration.suffix != ".json":
         raise ImuloopError(f"{calibration}: no calibration.json: it comes first, then the log")
 
 
 def write_samples(log, declared, folder, calibration=None):
-    """Return the path of the samples of a log, and the content of its quality.json, if any.
+    """Return the path of the samples of a log, and the content of its quality.json.
 
-    A samples.parquet of ingest is used as it is; a raw log is read into `folder`. `declared` are
-    keys of a config. What they do not say is taken from the log of the calibration, if one is
-    given: its units and columns.
+    A samples.parquet of ingest is used as it is; its quality is empty if there is no quality.json
+    next to it. The samples of a raw log are written into `folder`. `declared` are keys of a config.
+    Units and columns that are not declared are those of the log of the `calibration`, if given.
     """
     log.refuse_no_log()
     if path := log.samples_path():
@@ -121,7 +121,7 @@ def write_samples(log, declared, folder, calibration=None):
 
 
 def read_log(log, declared, calibration=None):
-    """Return a log's samples, their metadata and quality; ImuloopError if it is rejected."""
+    """Return samples, metadata and quality of a log; raise an ImuloopError if it is rejected."""
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder), calibration)
         log.refuse_rejected(quality)
@@ -129,7 +129,7 @@ def read_log(log, declared, calibration=None):
 
 
 def find_segments(samples, metadata, kind):
-    """Return the segments of a log as of a session of a `kind`, and the number of its poses."""
+    """Return the segments of a log, taken as a session of this `kind`, and its number of poses."""
     faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
     segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)
     return segments, figures["poses"]

@@ -31,7 +31,8 @@ from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 
-# formats with no other needs take no calibration; OpenVINS takes matrices, here of a perfect sensor
+# formats that need nothing else are written without a calibration; the file of OpenVINS also has
+# matrices, for which those of a perfect sensor are taken
 NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
 
 
@@ -43,7 +44,7 @@ def add(command):
 
 
 def run(arguments):
-    """Print the noise of a log, and write it for other tools."""
+    """Print the noise of a log; write it for other tools if a folder is given."""
     log, folder = arguments.log, arguments.output
     if folder:
         refuse_overwriting([folder], log.paths)

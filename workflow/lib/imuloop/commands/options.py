@@ -28,7 +28,7 @@ OF_LOG = {
     **{f"nominal.{quantity}.scale": "SI units per count" for quantity in PARTS},
     **{f"nominal.{quantity}.offset": "the count at zero" for quantity in PARTS},
 }
-# shorter words for options that have one value
+# shorter names of options that have one value
 SHORT = {f"--{quantity.replace('_', '-')}-unit": f"--units.{quantity}" for quantity in UNITS} | {
     "--latitude": "--gravity.latitude",
     "--height": "--gravity.height",
@@ -45,7 +45,7 @@ GRAVITY = {
 
 
 def add_arguments(command, gravity=""):
-    """Add the keys of a log, and those of gravity if `gravity` is the text on its default."""
+    """Add the options of a log, and of gravity if `gravity`, the text on its default, is given."""
     group = command.add_argument_group(
         "keys as in a config",
         "columns by name or, in a log without header, by number from 0; several keys at once: "
@@ -177,10 +177,10 @@ def declared_keys(arguments):
 
 
 def between(low, high, count=1):
-    """Return a function that reads an argument: a number in a range, or several."""
+    """Return a function that reads an argument of `count` numbers from `low` to `high`."""
 
     def number(text):
-        """Return the number of an argument, or a tuple of `count` numbers."""
+        """Return the number in an argument, or a tuple of `count` numbers if these are several."""
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

@@ -22,15 +22,15 @@ COMMANDS = ("apply", "calibrate", "check", "coach", "info", "noise", "report", "
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that reports an error in one line."""
+    """A parser of arguments that reports an error in one line."""
 
     def error(self, message):
-        """End with exit status 2."""
+        """Print an error in one line, and end with exit status 2."""
         self.exit(2, f"{self.prog}: {one_line(message)}; {self.prog} -h says more\n")
 
 
 def run(argv=None):
-    """Run one command; return the exit status: 0, 1 for an error in one line, or the command's."""
+    """Run one command; return its exit status, 0 for success, and 1 for an error in one line."""
     parser = Parser(
         prog="imuloop",
         description="Calibrate, check and describe accelerometers and gyroscopes.",
@@ -55,7 +55,7 @@ def run(argv=None):
         )
         module.add(command)
         command.set_defaults(run=module.run)
-    # a file's encoding on Windows lacks signs: a question mark for each
+    # the encoding of a file on Windows lacks some signs: print a question mark for each
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     status = 0
@@ -69,7 +69,7 @@ def run(argv=None):
             # a closed pipe shows here, not when Python ends; -h leaves by SystemExit
             sys.stdout.flush()
     except BrokenPipeError:
-        # whoever reads the lines has enough of them
+        # the reader of the lines, such as head, has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
 
@@ -83,7 +83,7 @@ def _parse(parser, argv):
 
 
 def _check_keys(parser, arguments):
-    """Add the declared keys, and gravity or None, to the arguments; end with 2 if one is wrong."""
+    """Add the declared keys, and gravity or None, to the arguments; end with 2 for a wrong key."""
     try:
         arguments.declared = declared_keys(arguments)
         gravity = arguments.declared.pop("gravity", None)
@@ -94,7 +94,7 @@ def _check_keys(parser, arguments):
 
 
 def _status(arguments):
-    """Run a command; return its exit status, 1 where it ended in an error."""
+    """Run a command; return its exit status, or 1 if it ended in an error."""
     try:
         return arguments.run(arguments) or 0
     except BrokenPipeError:

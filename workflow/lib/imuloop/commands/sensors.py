@@ -16,7 +16,7 @@ def add(command):
 
 
 def run(arguments):
-    """Print the table of sensors, or the figures of one."""
+    """Print the table of all sensors, or the figures of the sensor that is named."""
     name = arguments.name
     say(*(sheet_lines(find_sensor(name)) if name else map(listing_line, sensor_names())))
 
@@ -32,7 +32,7 @@ def listing_line(name):
 
 
 def sheet_lines(sheet):
-    """Return the figures of a `DataSheet` in lines for people."""
+    """Return the figures of a `DataSheet` as lines for people, a list."""
     lines = [f"{sheet.label}, {sheet.manufacturer}"]
     for quantity, sensor in PARTS.items():
         if not (figures := getattr(sheet, sensor)):

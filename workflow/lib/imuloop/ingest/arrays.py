@@ -19,43 +19,48 @@ from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
 from imuloop.ingest.tables import stated_units, table_log
 
-# a matrix of samples has no more columns, nor a file of logs groups in each other: wider ones are
-# images or spectra, and libraries are slow or fail in deeper ones
+# most columns of a matrix of samples, as wider ones are images or spectra; also the most levels of
+# groups inside groups, as libraries are slow or fail in deeper ones
 _WIDEST = _DEEPEST = 64
 _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
-# fields by which SciPy gives an object of MATLAB, and why it is not read
+# fields of the array that SciPy returns for an object of MATLAB, and why an object is not read
 _OBJECT = ("s0", "s1", "s2", "arr")
 _OF_MATLAB = "a MATLAB {}, which only MATLAB reads: save its columns as variables"
 
 
-# --- Arrow: columns have one length, and any type
+# --- Arrow tables: all columns have the same length, and each may have any type
 
 
 def read_parquet(paths, columns=None):
-    """Read a Parquet table."""
+    """Return the RawLog of a Parquet table; `columns` are the declared columns by quantity."""
     with pq.ParquetFile(paths["log"]) as file:
         return _arrow_log(file.schema_arrow, file.read, columns)
 
 
 def read_feather(paths, columns=None):
-    """Read a Feather file of version 2, which is an Arrow file."""
+    """Return the RawLog of a Feather file of version 2, which is an Arrow file.
+
+    `columns` are the declared columns by quantity.
+    """
     table = pa.ipc.open_file(paths["log"]).read_all()
-    # offsets of a damaged file may lead out of it
+    # offsets in a damaged file may point beyond its end
     table.validate(full=True)
     return _arrow_log(table.schema, table.select, columns)
 
 
 def _arrow_log(schema, read, columns):
-    """Return the RawLog of a table, of which ``read(columns=names)`` gives columns by name.
+    """Return the RawLog of an Arrow table.
 
-    ``simulated`` and ``units`` of the project's metadata in the `schema` are passed on.
+    `schema` is the schema of the table. ``read(columns=names)`` returns the table with only the
+    columns of these names. `columns` are the declared columns by quantity. The RawLog takes
+    ``simulated`` and ``units`` from the project's own metadata in the schema.
     """
     names, said = schema.names, own_metadata(schema.metadata or {})
     refuse_calibrated(names, said)
     chosen = resolve(names, columns)
     used = [*dict.fromkeys(names[i] for i in chosen.raw().values())]
     table = read(columns=used)
-    # of a name that repeats all columns come, in the order of the file
+    # if a name repeats, the table has all its columns, in the order of the file
     given = [i for name in used for i, other in enumerate(names) if other == name]
     return table_log(
         names,
@@ -70,9 +75,10 @@ def _arrow_log(schema, read, columns):
 
 
 def _leaves(tree, prefix=""):
-    """Give the name, ``GROUP.NAME``, and the value of each leaf of a dict of dicts and arrays.
+    """Yield the name, ``GROUP.NAME``, and the value of each leaf of a dict of dicts and arrays.
 
-    The fields of a structured array are leaves.
+    `prefix` is the name of the group that the dict `tree` stands for. Each field of a structured
+    array counts as a leaf.
     """
     for key, value in tree.items():
         name = ".".join(filter(None, (prefix, one_line(key))))
@@ -86,10 +92,15 @@ def _leaves(tree, prefix=""):
 
 
 def _columns(arrays):
-    """Return name -> column, shape (n,), of arrays by name: the longer side of a matrix is time."""
+    """Return the columns of arrays, a dict of arrays of shape (n,) by name of the column.
+
+    `arrays` is a dict of arrays by name. The longer side of a matrix is time. An array is left out
+    if it does not hold numbers or dates, or has more than two dimensions, less than two rows, or
+    more than `_WIDEST` columns.
+    """
     series = {}
     for name, array in arrays.items():
-        # other members of an archive are bytes
+        # members of an archive that are not arrays are bytes
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biufM":
             continue
         rows = np.atleast_2d(array)
@@ -103,18 +114,25 @@ def _columns(arrays):
 
 
 def _log(arrays, columns, units=None):
-    """Return the RawLog of arrays by name; in place of one may be a text why it is not read.
+    """Return the RawLog of arrays by name.
 
-    An array of shape (n,), (n, 1) or (1, n) is a column; (n, 3) or (3, n) are the columns
-    ``NAME.x``, ``NAME.y`` and ``NAME.z``; other matrices have ``NAME.0`` and on. Columns with the
-    length of the sensors' are the table.
+    An array of shape (n,), (n, 1) or (1, n) is a column. One of shape (n, 3) or (3, n) has the
+    columns ``NAME.x``, ``NAME.y`` and ``NAME.z``. Another matrix has the columns ``NAME.0``,
+    ``NAME.1`` and so on. The table has the columns that are as long as the columns of the sensors.
 
     Parameters
     ----------
+    arrays : dict
+        Arrays by name. A text in place of an array is the reason why it is not read.
     columns : dict
-        As declared; a sensor may also be the name of one array.
+        Declared columns by quantity; a sensor may also be declared by the name of one array.
     units : dict, optional
-        Name of an array to its unit as the file writes it.
+        Unit of each array by the name of the array, as the file writes it.
+
+    Raises
+    ------
+    RejectedLog
+        If no array holds numbers over time.
     """
     series, units = _columns(arrays), units or {}
     unread = [f"{one_line(name)} is {why}" for name, why in arrays.items() if isinstance(why, str)]
@@ -128,7 +146,7 @@ def _log(arrays, columns, units=None):
     for quantity in SENSORS:
         if isinstance(columns.get(quantity), str):
             columns[quantity] = [f"{columns[quantity]}.{axis}" for axis in AXES]
-    # a matrix that is all of the file: its columns have numbers
+    # the file holds a single matrix: its columns have numbers, not names
     alone = len({name.rpartition(".")[0] for name in names}) == 1 and names[0][-1].isdigit()
     headed = names[0] != "0"
     names = _of_one_length(series, resolve(names, columns, headed))
@@ -137,13 +155,18 @@ def _log(arrays, columns, units=None):
     stated = stated_units(chosen, [texts[name] for name in names])
     log = table_log(names, chosen, held, headed and not alone, notes=notes, units=stated)
     if unread:
-        # a sensor that is not found may be in there
+        # a sensor that is not found may be in a variable that is not read
         log.columns, log.unread = f"{log.columns}; {unread}", log.unread + len(AXES)
     return log
 
 
 def _of_one_length(series, chosen):
-    """Return the names of the columns that are as long as the columns of sensors or reference."""
+    """Return the names of the columns that are as long as the columns of sensors or reference.
+
+    `series` are all columns by name, and `chosen` are the Columns that were found among them. If
+    these have no sensor and no reference, the longest columns are returned. An ImuloopError is
+    raised if columns of the sensors and the reference differ in length.
+    """
     names, raw = [*series], chosen.raw()
     asked = [names[at] for key, at in raw.items() if key not in (STAMP, TEMPERATURE)]
     lengths = {len(series[name]): name for name in asked or names}
@@ -154,17 +177,18 @@ def _of_one_length(series, chosen):
 
 
 def _column(values):
-    """Return a column of an array, which may be masked."""
+    """Return an array of shape (n,), which may be masked, as a column of Arrow with nulls."""
     data, mask = np.ma.getdata(values), np.ma.getmaskarray(values)
-    # Arrow has no longer numbers, and none of the other byte order
+    # Arrow has no numbers of more than 8 bytes, and none in a foreign byte order
     kind = data.dtype.newbyteorder("=") if data.dtype.itemsize <= 8 else float
     return pa.array(data.astype(kind, copy=False), mask=mask)
 
 
 def read_numpy(paths, columns=None):
-    """Read an array of NumPy (.npy), or several by name (.npz).
+    """Return the RawLog of an array of NumPy (.npy), or of several arrays by name (.npz).
 
-    A structured array has a column per field. Pickled objects are never loaded.
+    `columns` are the declared columns by quantity. Each field of a structured array is a column.
+    Pickled objects are never loaded.
     """
     path, tree = paths["log"], {}
     if zipped := zipfile.is_zipfile(path):
@@ -180,21 +204,22 @@ def read_numpy(paths, columns=None):
                 tree[name] = "a pickled object, which is not loaded: save numbers"
     arrays = dict(_leaves(tree))
     if len(tree) == 1 < len(arrays):
-        # the fields of a structured array that is alone are columns by their own names
+        # the columns of a structured array that is alone have the names of its fields
         arrays = {name.removeprefix(f"{one_line(*tree)}."): x for name, x in arrays.items()}
     return _log(arrays, columns)
 
 
 def read_matlab(paths, columns=None):
-    """Read a MATLAB file of version 5 (`-v6`, `-v7`) or 7.3; one that is text is read as a table.
+    """Return the RawLog of a MATLAB file of version 5 (`-v6`, `-v7`) or 7.3.
 
-    The fields of a struct are ``STRUCT.FIELD``.
+    `columns` are the declared columns by quantity. The field of a struct is the column
+    ``STRUCT.FIELD``. A file that is text is read as a text table.
     """
     with open(path := paths["log"], "rb") as file:
         head = file.read(LONGEST_LINE)
     if b"\x89HDF\r\n\x1a\n" in head:
         return _log(_matlab_73(path), columns)
-    # the order of bytes of version 5
+    # in a file of version 5 these bytes show the byte order
     if head[126:128] in (b"IM", b"MI"):
         return _log(_matlab_5(path), columns)
     if not head or b"\0" in head:
@@ -205,11 +230,14 @@ def read_matlab(paths, columns=None):
 
 
 def _matlab_5(path):
-    """Return name -> array of a MATLAB file, or why it is not read."""
+    """Return the arrays of a MATLAB file of version 5, a dict by name.
+
+    In place of an array that cannot be read, the dict has a text with the reason.
+    """
     from scipy.io import loadmat
 
     arrays = {}
-    # integers as MATLAB has them, however few bytes they were packed into
+    # `mat_dtype`: numbers have the type as in MATLAB, even if the file packs them into fewer bytes
     for name, value in _leaves(loadmat(path, mat_dtype=True, simplify_cells=True)):
         if isinstance(value, np.ndarray) and value.dtype.names:
             own, _, kind, _ = np.ravel(value)[0]
@@ -220,7 +248,10 @@ def _matlab_5(path):
 
 
 def _matlab_73(path):
-    """Return name -> array of a MATLAB file that is HDF5, or why it is not read."""
+    """Return the arrays of a MATLAB file of version 7.3, which is HDF5, a dict by name.
+
+    In place of an array that cannot be read, the dict has a text with the reason.
+    """
     import h5py
 
     arrays = {}
@@ -239,17 +270,20 @@ def _matlab_73(path):
 
 
 def read_netcdf(paths, columns=None):
-    """Read a NetCDF file; the coordinate of its longest dimension is the time."""
+    """Return the RawLog of a NetCDF file; the coordinate of its longest dimension is the time.
+
+    `columns` are the declared columns by quantity; a declared time comes first.
+    """
     # both take long to import
     import h5py
     import netCDF4
 
     if h5py.is_hdf5(path := paths["log"]):
         with h5py.File(path, "r") as file:
-            # rejects what leads out of the file
+            # reading the list rejects a file that refers to other files
             list(_datasets(file))
     arrays, units = {}, {}
-    # a path that begins otherwise could be an address to the library
+    # the library could take a relative path for an address on the network
     with netCDF4.Dataset(os.path.abspath(path)) as data:
         for name, variable in data.variables.items():
             if getattr(variable.dtype, "kind", "O") in "iuf" and variable.ndim in (1, 2):
@@ -266,7 +300,11 @@ def read_netcdf(paths, columns=None):
 
 
 def _dates(values, text):
-    """Return values as dates if `text` is ``seconds since 2024-01-01``, else None."""
+    """Return times as dates, a masked array of shape (n,), or None if they are not dates.
+
+    `values` are numbers, (n,), which are dates if their unit `text` is such as ``seconds since
+    2024-01-01``. A RejectedLog is raised for dates outside of `YEARS`.
+    """
     match = _SINCE.fullmatch(text)
     unit = match and ("D" if match[1].lower() in ("day", "days") else stated_unit("time", match[1]))
     if not unit:
@@ -281,16 +319,22 @@ def _dates(values, text):
 
 
 def _check_announced(path, arrays, size):
-    """Refuse arrays whose announced size is too large for the file."""
+    """Raise a RejectedLog if a file announces more data than it can hold.
+
+    `path` is the path of the file, `arrays` are the arrays that were read so far, by name, and
+    `size` is the announced size of the next array, bytes.
+    """
     held = sum(x.nbytes for x in arrays.values() if isinstance(x, np.ndarray))
     check_unpacked(os.path.getsize(path), held + size)
 
 
 def _datasets(group, prefix="", met=None):
-    """Give the path and dataset of each of an HDF5 file, once; reject one that opens other files.
+    """Yield the path and the object of each dataset in an HDF5 group, each dataset once.
 
-    These may be any file of the machine. Only hard links are followed: a soft link is a path of
-    links of the same file, which are all met. `met` are the places of the objects met before.
+    A RejectedLog is raised for values in another file, as this may be any file of the machine.
+    Only hard links are followed: a soft link leads to an object of the same file, which is met in
+    any case. `prefix` is the path of the group, and `met` is the set of the addresses in the file
+    of all objects that were met before.
     """
     import h5py
 
@@ -301,7 +345,7 @@ def _datasets(group, prefix="", met=None):
         kind = group.id.links.get_info(key.encode(errors="surrogateescape")).type
         if kind == h5py.h5l.TYPE_SOFT:
             continue
-        # all other kinds of links, a user's kinds too, lead out of the file
+        # links of all other kinds, which a user may define, too, lead out of the file
         item = group[key] if kind == h5py.h5l.TYPE_HARD else None
         if item is None or getattr(item, "external", None) or getattr(item, "is_virtual", False):
             raise RejectedLog(

@@ -9,15 +9,19 @@ from scipy.spatial.transform import Rotation
 
 from imuloop.core.samples import ORIENTATION, POSITION
 
-# s; up to here lost samples are bridged by a cubic
+# longest gap that a cubic bridges, s
 BRIDGED = 0.05
-# s over which turns are compared; offset of two clocks up to which they count as one
+# time over which turns are compared, s; also the largest offset of two clocks that count as one
 COMPARED = 0.1
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference: t, s, (n,), quaternions q, (n, 4), scalar first, and places p, m, (n, 3)."""
+    """Attitudes and places of a body over time, measured by another instrument.
+
+    `t` are the times, s, (n,). `q` are the quaternions of the attitudes, (n, 4), scalar first, and
+    `p` are the places, m, (n, 3). Values that are not known are not-a-number.
+    """
 
     t: np.ndarray
     q: np.ndarray
@@ -25,17 +29,21 @@ class Reference:
 
     @property
     def known(self):
-        """Which samples have an attitude."""
+        """Mask of the samples that have an attitude, (n,) of bool."""
         return np.isfinite(self.q[:, 0])
 
     @property
     def placed(self):
-        """Which samples have a place."""
+        """Mask of the samples that have a place, (n,) of bool."""
         return np.isfinite(self.p[:, 0])
 
 
 def turns(reference, seconds=COMPARED):
-    """Return times of start and end, s, and rotation vectors between, rad on body axes, (m, 3)."""
+    """Return the turns of a Reference over about `seconds`: start, end and rotation vector.
+
+    Start and end are times, s, (m,) each. The rotation vectors from start to end, (m, 3), are in
+    rad on body axes. Turns that last 1.5 times `seconds` or more, as over a gap, are left out.
+    """
     known = np.flatnonzero(reference.known)
     t = reference.t[known]
     last = np.searchsorted(t, t + seconds)
@@ -48,14 +56,22 @@ def turns(reference, seconds=COMPARED):
 
 
 def angles(t, w, start, end):
-    """Return the integral of the angular rate from start to end, (m, 3)."""
+    """Return the integrals of the angular rate over m intervals, rad, (m, 3).
+
+    `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). `start` and
+    `end` are the times of the ends of the intervals, s, (m,).
+    """
     total = cumulative_trapezoid(w, t, axis=0, initial=0)
     first, last = (np.column_stack([np.interp(x, t, c) for c in total.T]) for x in (start, end))
     return last - first
 
 
 def at_instants(reference, t):
-    """Return the reference at instants, s, by column: cubics between samples, over short losses."""
+    """Return a Reference at the instants `t`, s, (m,): columns of shape (m,) by name, a dict.
+
+    Values between samples come from cubics. They are not-a-number in gaps longer than `BRIDGED` and
+    1.5 usual steps, and in stretches of fewer than four samples.
+    """
     found = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
     for names, known, values in (
@@ -64,7 +80,7 @@ def at_instants(reference, t):
     ):
         times, values = reference.t[known], values[known]
         if names is ORIENTATION:
-            # of the two quaternions of an attitude that near the one before
+            # q and -q are the same attitude: take the sign that is nearer to the quaternion before
             turned = (values[1:] * values[:-1]).sum(axis=1) < 0
             values = values * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
         breaks = np.flatnonzero(np.diff(times) > longest) + 1

@@ -5,10 +5,10 @@ neighbouring windows of T seconds, whose means are u₁ and u₂, this is withou
 
     u₂ - u₁ = ∫ w u × P (r - b) dt
 
-with w rising from 0 to 1 over the first window and falling over the second, r the rate as logged, b
-its bias, and P one of the 48 signed permutations of the axes: the identity in a good log. Gravity
-tells P alone. It cannot tell which of the two sensors is at fault, nor whether the accelerometer's
-three signs are all wrong.
+The weight w rises from 0 to 1 over the first window and falls to 0 over the second. r is the rate
+as logged, b its bias, and P one of the 48 signed permutations of the axes: the identity in a good
+log. Gravity shows nothing but P. It cannot show which of the two sensors is at fault, nor whether
+all three signs of the accelerometer are wrong.
 """
 
 from itertools import permutations, product
@@ -17,13 +17,16 @@ import numpy as np
 
 from imuloop.core.samples import ANGULAR_RATE
 
-# length of a window, s, and about the most steps of a long log that are used
+# length of a window, s; and about how many steps of a long log are used at most
 TURN_WINDOW, KEPT = 0.25, 4096
-# least turn of gravity in a step, rad; largest difference of its force from gravity, as a share
+# a step is used if it turns gravity by more than this angle, rad, and if the size of the specific
+# force differs from gravity by less than this share
 LEAST_STEP, MOST_SHAKEN = 0.1, 0.3
-# steps in which a mapping has to beat the identity, in all and for each step against it
+# a mapping has to beat the identity in at least this number of steps, and in this number for each
+# step in which the identity beats the mapping
 LEAST_STEPS = 4
-# agreement that a mapping needs, and largest lead over another one that remains possible
+# a mapping is stated if its agreement exceeds the first number; another mapping remains possible if
+# its agreement is less than the second number below the best one
 AGREEMENT, LEAD = 0.8, 0.05
 # signed permutations, the identity first
 MAPPINGS = np.array(
@@ -33,15 +36,15 @@ MAPPINGS = np.array(
         for signs in product((1, -1), repeat=3)
     ]
 )
-# u × r as a sum of products
+# component i of u × r is the sum of CROSS[i, j, k] u[j] r[k] over j and k
 CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
 def fit_axes(means, step):
-    """Return the agreement of the axes of both sensors, `axes` in quality.schema.yaml, or None.
+    """Return the agreement of the axes of both sensors, the entry `axes` of quality.schema.yaml.
 
-    `means` are means of the six channels, (6, m) SI, over `step` s each. The result is None if
-    there are too few turns.
+    `means` are the means of the six channels over `step` s each, SI, (6, m). The result is None if
+    gravity turns in fewer than `LEAST_STEPS` steps.
     """
     fine = max(round(TURN_WINDOW / step), 1)
     count = means.shape[1] // fine
@@ -65,7 +68,7 @@ def fit_axes(means, step):
     by_axis = np.einsum("ijk,jnt,lnt->nkli", CROSS, weighted, both, optimize=True)
     turned = np.einsum("pkl,nkli->pni", MAPPINGS, by_axis)
     change, size = change[steps], np.linalg.norm(turned, axis=2)
-    # a turn that hardly turns gravity does not show the direction
+    # a turn about gravity does not show P: a least size keeps its cosine small
     size = np.maximum(size, 0.1 * np.median(size[0]) + 1e-12) * angle[steps]
     cosine = (turned * change).sum(axis=2) / size
     agreement = cosine.mean(axis=1)
@@ -90,7 +93,11 @@ def fit_axes(means, step):
 
 
 def mapping_words(mapping):
-    """Return a mapping of `fit_axes` in words, such as "x as gy, y as -gx", None if it is None."""
+    """Return a mapping of the axes in words, such as "x as gy, y as -gx: turned axes".
+
+    `mapping` has a number for each of x, y, z: 1, 2, 3 for gx, gy, gz, negative if the sign is
+    turned, and 0 if the axis is not known. If it is None, the result is None.
+    """
     if not mapping:
         return None
     axes = [

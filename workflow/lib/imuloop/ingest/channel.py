@@ -12,30 +12,32 @@ import pandas as pd
 
 from imuloop.ingest.spikes import count_jumps
 
-# rows of a block, and quantisation steps that noise spans in a block of a fine channel: noise
-# within two steps is below the step
+# rows of a block; and a channel is fine if its values span more than `SPAN` quantisation steps in a
+# block: values within two steps may come from noise below the step
 BLOCK, SPAN = 128, 2.5
-# least rows of a stuck run, as a multiple of the rows of the next shorter run; at least `FEWEST`
-# shorter runs show the usual length
+# a run is stuck if it has at least `STUCK_FACTOR` times the rows of the next shorter run, and if
+# there are at least `FEWEST` shorter runs, which show the usual length
 STUCK_FACTOR, FEWEST = 10, 50
-# quantisation steps to a value that is far away; rows of a run between such values that is a flat
-# top
+# a value is far away if it differs by more than `FAR_STEPS` quantisation steps; a run of at least
+# `FLAT_TOP` rows is a flat top if the values before and after it are far away
 FAR_STEPS, FLAT_TOP = 8, 3
-# the square of the rows at a saturated end of the range exceeds the rows at the level next to it by
-# this factor: noise of 0.55 steps or more does so with a probability of e^-11
+# an end of the range is saturated if the square of the number of rows there exceeds the number of
+# rows at the next level by this factor: noise of 0.55 steps or more does so with a probability of
+# e^-11
 CUT_TAIL = 300
-# steps to the ends of 16 bits, which two rows saturate
+# ends of 16 bits, in quantisation steps: such an end is saturated if two rows are there
 RAILS = (2**15 - 1, 2**15)
-# share of rows that hold a failed read: values at random come to a seventh at most, p (1 - p)^2
+# a value is a failed read if it stands alone in more than this share of the rows: a value that
+# comes at random, with probability p, stands alone in a share p (1 - p)^2, a seventh at most
 OFTEN = 0.2
-# least rows of a value that is held
+# a sensor holds its values if each lasts for at least this mean number of rows
 LEAST_HELD = 1.25
-# share that counts as nearly all
+# a larger share than this counts as nearly all
 MOST = 0.9
 
 
 def blocks(x):
-    """Return samples, (n,), in blocks, (n // BLOCK, BLOCK)."""
+    """Return samples, (n,), as blocks, (n // BLOCK, BLOCK), without the last, incomplete one."""
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
@@ -46,9 +48,10 @@ def jump_sizes(x):
 
 
 def least_stuck(counts):
-    """Return the least number of rows of a stuck run from the `counts` of runs by their rows.
+    """Return the least number of rows of a stuck run.
 
-    The result is more than the number of all rows if no run is stuck.
+    Element k of `counts` is the number of runs of k rows. If no run is stuck, the result is more
+    than the number of all rows.
     """
     length = np.flatnonzero(counts)
     shorter = np.cumsum(counts[length])[:-1]
@@ -91,7 +94,7 @@ class Channel:
         inner = (lengths >= FLAT_TOP) & (first > 0) & (first + lengths < len(self.x))
         first, last = first[inner], (first + lengths - 1)[inner]
         tops = self.x[first[far[first - 1] & far[last]]]
-        # values that are held have flat tops everywhere
+        # flat tops also at other values show a sensor that holds its values
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
         alone, often = self.x[1:-1][far[:-1] & far[1:]], OFTEN * len(self.x)
         self.failed_reads = 0
@@ -120,17 +123,18 @@ class Channel:
 
 
 def saturation(channels, rate):
-    """Return the ends of the range that channels of a sensor keep to: {name: {"values", "rows"}}.
+    """Return the saturated ends of the range of each channel: {name: {"values", "rows"}}.
 
-    An end is saturated if many rows are there and few at the level next to it, or if it is reached
-    in flat tops, which no smooth motion has. Each axis may reach an end for a few rows only, so
-    ends of equal size count together. A single run of a second or more is a stuck value, unless
+    "values" are the ends, SI, a list, and "rows" is the number of rows there. An end is saturated
+    if many rows are there and few at the next level, or if it is reached in flat tops, which no
+    smooth motion has. Each axis may reach an end for a few rows only, so the rows of all ends of
+    equal size are added up. A single run of a second or more is a stuck value, unless
     other ends of this size are saturated.
 
     Parameters
     ----------
     channels : dict of str to Channel
-        Channels of the sensor.
+        Channels of the sensor by name.
     rate : float
         Samples per second, Hz.
     """
@@ -138,7 +142,7 @@ def saturation(channels, rate):
     for name, c in channels.items():
         width = c.step or np.finfo(float).tiny
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
-            # most rows are not near the end
+            # only rows within two steps of the end are looked at: most rows are not
             near = c.x <= value + 2 * width if value == c.low else c.x >= value - 2 * width
             away = np.abs(c.x[near] - value)
             rows = np.count_nonzero(away < 0.5 * width)
@@ -161,8 +165,9 @@ def saturation(channels, rate):
 def silent(channels, force):
     """Return the names of channels that never change in nearly all quiet blocks.
 
-    `channels` are a sensor's channels by name. `force` are the samples of the three channels of the
-    accelerometer, (n,) each: the half of the blocks with the smaller variance is quiet.
+    `channels` are the Channels of a sensor by name. `force` are the samples of the three axes of
+    the accelerometer, (n,) each. A block is quiet if the variance of the force in it is at most the
+    median of all blocks.
     """
     if all(c.width.all() for c in channels.values()):
         return []
@@ -173,7 +178,7 @@ def silent(channels, force):
     return [
         name
         for name, c in channels.items()
-        # a channel that is stuck once or twice has a fault of a moment
+        # a channel that is stuck only once or twice is not silent
         if c.low < c.high and len(c.stuck) not in (1, 2)
         if np.mean(c.width[quiet] == 0) > MOST
     ]
@@ -182,10 +187,10 @@ def silent(channels, force):
 def rows_a_value(channels):
     """Return the number of rows for which a sensor holds each value, 1 if it does not hold them.
 
-    `channels` are a list of its channels.
+    `channels` is the list of the Channels of the sensor.
     """
     changed = np.any([c.changed for c in channels], axis=0)
-    # nine in ten runs of a held value have at least this mean length
+    # there are too many changes: nine in ten values would have to last for `LEAST_HELD` rows
     if np.count_nonzero(changed) * MOST * LEAST_HELD > len(changed):
         return 1.0
     lengths = np.diff(np.flatnonzero(changed))

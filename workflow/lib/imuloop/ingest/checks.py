@@ -1,8 +1,9 @@
 """The table of checks: the faults of a log, how bad each is, and the remedies.
 
-A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log. It returns a false value
-if all is well, else the values in the message: a text, a number, a list of texts, or values by
-name. Message and remedy may also name the quality figures, as in ``{rate_hz:.4g}``.
+A check is a row of `CHECKS`. Its function `measure` takes the `Evidence` on a log. The function
+returns a false value if all is well, else the values for the message: a text, a number, a list of
+texts, or values by name. The message and the remedy may also name quality figures, as in
+``{rate_hz:.4g}``.
 """
 
 from collections import defaultdict
@@ -21,29 +22,30 @@ from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import PLAUSIBLE_RATE
 
-# how bad a finding is: the log cannot be read, and no other check holds; it cannot be used; it
-# contradicts its declaration; it may contradict it; a user should look at it
+# how bad a finding is: the log cannot be read, so that no other check holds; the log cannot be
+# used; it contradicts its declaration; it may contradict its declaration; a user should look at it
 SEVERITIES = ("unreadable", "unusable", "misdeclared", "doubtful", "warning")
 UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = SEVERITIES
 
-# a log with fewer samples, or shorter, s, holds no rest worth a mean
+# least number of samples and least duration, s, of a log with a rest that is worth a mean
 LEAST_ROWS, LEAST_DURATION = 100, 2.0
-# a thousandth of the best sensors' noise: smaller changes overflow the squares of their inverse, SI
+# least range of a channel, SI, a thousandth of the noise of the best sensors: the squared inverse
+# of a smaller one overflows
 LEAST_CHANGE = 1e-12
-# a log that loses a larger share of its rows to faults is not to be trusted
+# largest share of its rows that a usable log loses to faults
 MOST_DROPPED = 0.05
-# temperatures of an IMU, degC
+# lowest and highest temperature of an IMU, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
-# fastest turns by hand on average, rad/s
+# largest mean angular rate of turns by hand, rad/s
 MOST_MEAN_RATE = 10.0
-# a static session rests for this share of its time; its gravity turns by less than no drift of a
-# bias makes, 0.15 g, rad
+# a static session rests for at least this share of its time, and gravity turns in its axes by at
+# most this angle, rad: a drift of a bias would have to be 0.15 g to look like a larger turn
 LEAST_REST, MOST_TILT = 0.5, 0.15
-# the device turns to and fro where the mean rate of half a second changes by more, rad/s, and by so
-# many times the power of white noise
+# a device turns to and fro if its mean rate over half a second changes by more than the first
+# number, rad/s, and if the squared change exceeds the power of white noise by the second one
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
-# times that an integer wraps around, to be named and to make the log useless: a log of several
-# joined logs has such a jump once or twice
+# a channel is named if its integer wraps around at least this number of times, and the log is
+# misdeclared from the second number on: a log of several joined logs has one or two such jumps
 LEAST_WRAPS, MOST_WRAPS = 3, 20
 
 
@@ -51,9 +53,10 @@ LEAST_WRAPS, MOST_WRAPS = 3, 20
 class Evidence:
     """A log for the checks: its quality figures, the counts of its rows, and its declaration.
 
+    `figures` are the quality figures as in quality.json, and `counts` are the `Counts` of the rows.
     `units` are the `RawUnit` of each sensor by quantity. `gravity` is in m/s^2, None if the log
-    lacks the acceleration. `kind` is the kind of session, such as "static", `nominal` the scales of
-    counts by quantity, and `rate` the declared rate, Hz.
+    lacks the acceleration. `kind` is the kind of session, such as "static". `nominal` are the
+    declared scales of counts by quantity, and `rate` is the declared rate, Hz.
     """
 
     figures: dict
@@ -67,7 +70,7 @@ class Evidence:
 
     @property
     def faults(self):
-        """The faults of the samples, none where they were not measured."""
+        """The figures ``faults`` of the samples; empty for each name if they were not measured."""
         return self.figures["faults"] or defaultdict(dict)
 
     @property
@@ -79,7 +82,11 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table; among checks about the same subject the first finding counts."""
+    """A row of the table of checks.
+
+    `about` has the subjects of the check, words. Once a check has a finding, all later checks that
+    share a subject with it are skipped.
+    """
 
     name: str
     severity: str
@@ -90,13 +97,17 @@ class Check:
 
 
 def listed(by_name, text="{0} {1}"):
-    """Return a text for each channel or sensor whose count, or number of ``rows``, is not zero."""
+    """Return a text for each name in `by_name` whose count is not zero, a list.
+
+    `by_name` maps names, such as names of channels, to a count, or to a dict with the count
+    ``rows``. `text` is the format of a text, with the name as {0} and the count or dict as {1}.
+    """
     counts = {n: each["rows"] if isinstance(each, dict) else each for n, each in by_name.items()}
     return [text.format(name, by_name[name]) for name, count in counts.items() if count]
 
 
 def _dropped_rows(e):
-    """Return the rows that are lost, in words, if they are too many."""
+    """Return the numbers of lost rows in words if too many are lost, else False."""
     missing = {n: c for n, c in e.counts.missing_values.items() if n != TEMPERATURE}
     parts = {
         f"with missing or impossible values ({', '.join(listed(missing))})": e.counts.non_finite,
@@ -111,11 +122,13 @@ def _dropped_rows(e):
 
 
 def _lost_text(e):
+    """Return the share of the log's bytes in bad lines, text, if it is too large."""
     share = e.log.lost_bytes / max(e.log.text_bytes, 1)
     return share > MOST_DROPPED and f"{share:.1%}"
 
 
 def _rate(e):
+    """Return words on the unit of time stamps if no IMU has the log's rate, or a false value."""
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
     return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
@@ -130,13 +143,14 @@ def _units(e):
 
 
 def _failed_reads(e):
+    """Return the channels with failed reads, and the largest share of rows, text, if too large."""
     failed = {n: rows for n, rows in e.faults["failed_reads"].items() if rows}
     share = max(failed.values(), default=0) / max(e.figures["rows"], 1)
     return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
 def _motion(e):
-    """Return the figures of rests, with angles in degrees, if a static session moves."""
+    """Return the figures of rests, with angles in degrees, if a static session moves, or false."""
     rests = e.faults["rests"]
     if not rests or e.kind != "static":
         return None
@@ -148,20 +162,24 @@ def _motion(e):
 
 
 def _temperature(e):
+    """Return whether a temperature lies outside of `PLAUSIBLE_TEMPERATURE`."""
     low, high = e.figures["temperature_range"] or PLAUSIBLE_TEMPERATURE
     return not PLAUSIBLE_TEMPERATURE[0] <= low <= high <= PLAUSIBLE_TEMPERATURE[1]
 
 
 def _saturated(e):
+    """Return a text with the number of saturated rows for each channel that has any, a list."""
     rows = {name: found["rows"] for name, found in e.faults["clipped_at"].items()}
     return listed({name: n or rows.get(name, 0) for name, n in e.figures["clipped"].items()})
 
 
 def _held(e):
+    """Return a text for each sensor that holds a value for more than one row, a list."""
     return [f"{s} for {n:.3g} rows" for s, n in e.faults["rows_a_value"].items() if n > 1]
 
 
 def _wraps(e, least):
+    """Return a text for each channel that wraps around, if one does so at least `least` times."""
     found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
     return max(found.values(), default=0) >= least and listed(found, "{} {} times")
 
@@ -262,7 +280,7 @@ CHECKS = [
     Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
           "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
           "see units.temperature"),
-    # one axis in two places fits nowhere
+    # a log in which one axis is given twice fits no mapping of the axes
     Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
           mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
           "with {}; gravity does not tell which sensor is at fault", "columns.acceleration and "
@@ -275,7 +293,8 @@ CHECKS = [
 def findings(evidence):
     """Return the lines of the checks that find something, {severity: list of str}.
 
-    An `UNREADABLE` log has a single finding.
+    An `UNREADABLE` log has a single finding. Checks of the declaration are left out if gravity or
+    the faults of the samples are not known.
     """
     found, done = {severity: [] for severity in SEVERITIES}, set()
     unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)

@@ -12,18 +12,17 @@ from imuloop.ingest.stamps import MOST
 
 # number of rows before and after a fall of the stamps that tell its cause
 AHEAD = 100
-# largest number of steps from a counter's last stamp to the first after its roll-over; stamps that
-# fall by fewer steps are late; after a clock that starts again, t goes on this number of steps
-# later
+# number of usual steps: a counter advances by at most this number as it rolls over; stamps that
+# fall by fewer steps are late; and when a clock starts again, t goes on after this number of steps
 FEW_STEPS = 10
-# share of the steps after a clock starts again that go forward
+# least share of steps that go forward after a clock has started again
 _FORWARD = 0.9
-# a clock that falls more often is left as it is, so that no log takes hours
+# most rows next to falls that are looked at, so that no log takes hours
 MOST_FALLS = 10_000
-# parts of a second without leading zeros make stamps fall from 0.9 s to 0.1 s, as 100 ms are
-# written; no accident is so frequent, and such a share of all falls
+# without leading zeros, the stamp falls from 0.99 s, written for 99 ms, to 0.1 s, for 100 ms; least
+# number of such falls, and their least share of all falls, which accidents do not reach
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
-# spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
+# spans of counters, ns: 2^k ns, us, ms and s, 10^k ns, a minute, an hour, a day and a week
 SPANS = sorted(
     {2**k * tick for k in range(8, 61) for tick in (1, 10**3, 10**6, 10**9)}
     | {10**k for k in range(5, 19)}
@@ -34,8 +33,9 @@ SPANS = sorted(
 def span(last, first, step, tick=1):
     """Return the span of a counter that rolls over from `last` to `first`; None if none fits.
 
-    The spans are `SPANS`, in units of `tick` ns. The counter starts at 0, or at minus half of its
-    span. `step` is the usual step of the stamps. Whole stamps give a whole span.
+    The two stamps and the usual step of the stamps, `step`, are in units of `tick` ns, and so is
+    the result. It is one of `SPANS`, a whole number if the stamps are whole. The counter starts at
+    0, or at minus half of its span.
     """
     whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
@@ -49,12 +49,13 @@ def span(last, first, step, tick=1):
 
 @dataclass
 class Clock:
-    """What was mended in the stamps of a log.
+    """The faults that were mended in the stamps of a log, and how often each occurred.
 
-    At each of `rollovers` the span of the counter, `span_s`, is added. After each of `resets` the
-    stamps go on `FEW_STEPS` usual steps after the last. `strays` are stamps ahead of at least two
-    rows that follow in their place; they are taken as missing. `unpadded` is how often the stamps
-    fall because parts of a second lack their leading zeros.
+    `rollovers` is how often the counter rolled over; its span, `span_s`, s, is added each time.
+    `resets` is how often the clock started again; the stamps then go on `FEW_STEPS` usual steps
+    after the last one. `strays` is the number of stamps that lie ahead of at least two rows which
+    follow in their place; they count as missing. `unpadded` is how often the stamps fall because
+    parts of a second lack their leading zeros.
     """
 
     rollovers: int = 0
@@ -66,11 +67,12 @@ class Clock:
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
     def mended(self, x, readable, tick=None):
-        """Return stamps of a clock that never falls, (n,), and a mask of those that can be used.
+        """Return stamps whose clock never falls, (n,), and a mask of usable stamps, (n,) of bool.
 
-        Single late rows stay as they are: rows that follow leap back to where the stamps were.
-        `x` and `readable`, (n,), are stamps as logged, and which of them are readable; `tick` is
-        nanoseconds per unit, None for dates, which do not roll over.
+        A single late row stays as it is: the rows that follow leap back to where the stamps were.
+        `x` are the stamps as logged, (n,), and `readable` is the mask of the readable ones, (n,).
+        `tick` is the number of nanoseconds in the unit of the stamps; it is None for dates, which
+        do not roll over.
         """
         values = x if readable.all() else x[readable]
         falls = np.flatnonzero(values[1:] < values[:-1])
@@ -99,11 +101,16 @@ class Clock:
         return x + np.cumsum(added), usable
 
     def span_in(self, tick):
-        """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
+        """Return the span of the counter in units of `tick` ns; None if it did not roll over."""
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):
-        """Return the shift of the stamps from a fall on, in their unit; 0 for a late row."""
+        """Return the shift of all stamps from a fall on, in their unit; 0 for a late row.
+
+        `before` and `ahead` are the stamps of up to `AHEAD` rows before the fall, and from the fall
+        on. `last` is the newest stamp before it. `tick` is the number of nanoseconds in a unit,
+        None for dates.
+        """
         steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
             return 0
@@ -123,7 +130,7 @@ class Clock:
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
     def fault(self):
-        """Return the cause of falling stamps that cannot be mended, a line, or a false value."""
+        """Return a line on why falling stamps cannot be mended, or a false value if they can."""
         return self.unpadded and (
             f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
             "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
@@ -131,7 +138,7 @@ class Clock:
         )
 
     def warnings(self):
-        """Return a line for each thing that was mended; none if the stamps cannot be mended."""
+        """Return a line for each kind of mended fault; no line if the stamps cannot be mended."""
         rolls = f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}"
         resets = f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual"
         strays = f"{self.strays} stamps lie ahead of rows that follow in their place"
@@ -142,29 +149,35 @@ class Clock:
 
 
 def _count_unpadded(last, first, second):
-    """Return the number of falls within a `second` by missing leading zeros, 0 if accidental."""
+    """Return the number of falls from missing leading zeros; 0 if they may be accidental.
+
+    `last` and `first` are the stamps before and after each of k falls, (k,). `second` is the number
+    of their units in a second.
+    """
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
     return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
 
 
 def _times(count):
+    """Return a number of times in words: "once", "2 times"."""
     return "once" if count == 1 else f"{count} times"
 
 
 def figures(counts, measured, rate=None):
-    """Return the entry ``clock`` of quality.json, from the `Counts` and quality figures of a log.
+    """Return the entry ``clock`` of quality.json, a dict.
 
-    `rate` is the declared one, Hz, of a log with time stamps.
+    `counts` are the `Counts` of the log, and `measured` its quality figures. `rate` is the declared
+    rate, Hz; it is None if no rate is declared or the log has no time stamps.
     """
     hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {
         **{key: getattr(counts.clock, key) for key in ("rollovers", "span_s", "resets", "strays")},
         "rebuilt": counts.logged is not None,
         "logged": counts.logged,
-        # of a step
+        # jitter as parts per million of a step
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
-        # of the stamps' rate from the declared one
+        # excess of the stamps' rate over the declared rate
         "drift_ppm": None if None in (hertz, rate) else (hertz / rate - 1) * 1e6,
         "pps": counts.pps,
     }

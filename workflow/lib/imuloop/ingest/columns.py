@@ -1,4 +1,4 @@
-"""Which columns of a log hold what: declared by name or number, else by the usual names."""
+"""The columns of each quantity in a log: declared by name or number, else with usual names."""
 
 from dataclasses import dataclass, field
 
@@ -16,18 +16,18 @@ from imuloop.ingest.spellings import (
     words_of,
 )
 
-# name of the stamps in raw batches; absent where the log has no time column
+# name of the column of time stamps in a raw batch; absent if the log has no time column
 STAMP = "stamp"
-# name there of the time stamps of a sensor with a slower clock
+# name, in a raw batch, of the column with the time stamps of a sensor with a slower clock
 HELD = "held"
-# name there of the part of a second where that has its own column
+# name, in a raw batch, of the parts of a second if they have their own column
 FRACTION = "stamp.fraction"
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
-# number of columns of a declared quantity, where it may have several
+# number of columns of each quantity that may be declared by several columns
 _WIDTH = {"time": 2} | dict.fromkeys(SENSORS, len(AXES))
 _WANTED = {"time": "a column, nor two of whole seconds and nanoseconds"}
 _WANTED |= dict.fromkeys(SENSORS, "a list of three columns x, y, z")
-# most names in a message, which keeps it shorter than a screen
+# most names in a message, so that it fits a screen
 _SHOWN = 60
 
 
@@ -35,11 +35,12 @@ _SHOWN = 60
 class Columns:
     """Positions of the columns of each quantity, from 0; None if the log lacks it.
 
-    A `time` of two columns is whole seconds and a part of a second in units of `part_ns`. `others`
-    holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
-    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` are
-    the sensors that are logged as such by the names of their columns, `units` the units that the
-    names state, `turned` the axes whose sign is turned.
+    If `time` is two columns, they hold whole seconds and parts of a second in units of `part_ns`
+    ns. `others` maps names to the positions of further raw columns: ``interval.SENSOR``, the
+    interval of a sensor's increments, ``pps.counter``, ``pps.time``, and the columns declared as
+    ``others``. `increments` are the sensors that log increments, as the names of their columns
+    show. `units` are the units that the names state, by quantity. `turned` are the axes whose sign
+    is turned.
     """
 
     acceleration: tuple[int, int, int] | None = None
@@ -53,7 +54,7 @@ class Columns:
     turned: frozenset = frozenset()
 
     def raw(self):
-        """Return the position of each raw column by its name: those that are stamps come first."""
+        """Return the position of each raw column by its name, a dict in which stamps come first."""
         names = {"time": (STAMP, FRACTION), **SENSORS, "temperature": (TEMPERATURE,)}
         raw = {}
         for quantity in _QUANTITIES:
@@ -66,7 +67,10 @@ class Columns:
         return len(_tuple(self.time)) + len(self.others)
 
     def found(self, names):
-        """Return the names of the columns by quantity: a list, or the name of a single column."""
+        """Return the names of the columns of each quantity, a dict.
+
+        A value is a list, or the name of a single column. `names` are the names of all columns.
+        """
         places = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
         for name, at in self.others.items():
             quantity = name.partition(".")[0]
@@ -79,6 +83,7 @@ class Columns:
 
 
 def _tuple(where):
+    """Return the positions of a quantity as a tuple, which is empty for None."""
     return () if where is None else where if isinstance(where, tuple) else (where,)
 
 
@@ -90,12 +95,17 @@ def resolve(names, declared=None, headed=True):
     names : list of str
         Names of all columns of the log.
     declared : dict, optional
-        A column by its quantity: its name, or its number from 0; three of them for a sensor, two
-        for a time of whole seconds and nanoseconds. A quantity that is left out is found by its
-        usual name. One that is None was not logged: if one sensor was not, x, y and z are names
-        enough of the other one.
+        The column of each quantity: its name, or its number from 0. A sensor has three of them,
+        and a time of whole seconds and nanoseconds two. A quantity that is left out is found by its
+        usual name. None means that a quantity was not logged. If one sensor was not logged, columns
+        that are only called x, y and z hold the other sensor.
     headed : bool, optional
-        Whether the log itself has the names. Else columns have to be declared by number.
+        Whether the names are from the log. Otherwise columns have to be declared by number.
+
+    Raises
+    ------
+    ImuloopError
+        If a declared column does not exist, or several columns may be meant.
     """
     declared, part_ns, units = dict(declared or {}), 1, {}
     logged = [quantity for quantity in SENSORS if declared.get(quantity, "") is not None]
@@ -152,7 +162,7 @@ def resolve(names, declared=None, headed=True):
 
 
 def lacking(quantity, columns):
-    """Return the error of a log without the columns of a sensor; `columns` lists those it has."""
+    """Return the error of a log that lacks a sensor; `columns` lists the log's columns, text."""
     name = f"name its x, y, z by name in columns.{quantity}"
     if columns.startswith("no header"):
         name = (
@@ -166,7 +176,11 @@ def lacking(quantity, columns):
 
 
 def _only(quantity, found, names):
-    """Return the single column in `found`, None if it is empty; raise if several are as good."""
+    """Return the only column in `found`, or None if `found` is empty.
+
+    `found` are the positions of columns that may hold the quantity, the best first, and `names` are
+    the names of all columns. An ImuloopError is raised if several columns are equally good.
+    """
     if not found:
         return None
     candidates = [name for name in names if name.lower() == names[_tuple(found[0])[0]].lower()]
@@ -182,7 +196,13 @@ def _only(quantity, found, names):
 
 
 def _intervals(declared, names, headed, usual, summed):
-    """Return the position of the interval of each sensor's increments, by sensor."""
+    """Return the position of the column with the interval of each sensor's increments, by sensor.
+
+    `declared` are the declared columns by quantity, and `names` are the names of all columns,
+    and `headed` tells whether the log has them. `usual` are the positions of columns with usual
+    names of an interval. `summed` is the name of the increments of each sensor that logs them. The
+    result is empty if no interval is logged.
+    """
     interval = declared.get("interval")
     if "interval" not in declared and summed:
         interval = _only("interval", usual, names)
@@ -197,7 +217,11 @@ def _intervals(declared, names, headed, usual, summed):
 
 
 def _declared(quantity, column, names, headed):
-    """Return the position of a declared column, or a tuple of them."""
+    """Return the position of a declared `column`, a tuple for several columns, or None for None.
+
+    `names` are the names of all columns, and `headed` tells whether the log has them. Raises an
+    ImuloopError if the number of columns does not fit the quantity, or a column does not exist.
+    """
     if column is None:
         return None
     several = isinstance(column, (list, tuple))
@@ -211,7 +235,10 @@ def _declared(quantity, column, names, headed):
 
 
 def without_sign(column, names=()):
-    """Return a declared column of a sensor without the minus that turns it: ``-AccX``, ``-3``."""
+    """Return a declared column of a sensor without the minus that turns it: ``-AccX``, ``-3``.
+
+    A column whose name, in `names`, begins with a minus stays as it is.
+    """
     if isinstance(column, str) and column.startswith("-") and column not in names:
         return int(column[1:]) if column[1:].isdecimal() else column[1:]
     return column
@@ -244,7 +271,7 @@ def position(quantity, value, names, headed):
 
 
 def listed(names, headed=True):
-    """Return names as a message shows them: a file can have very many, or none."""
+    """Return column names as text for a message; only their number if the file has no header."""
     if not headed:
         return f"no header, {len(names)} columns"
     shown = ", ".join(name[:80] for name in names[:_SHOWN])

@@ -1,4 +1,4 @@
-"""Whether a reference is in the convention, order and units that are declared, by the sensors."""
+"""Tests, by the sensors, whether a reference has the declared convention, order and units."""
 
 from dataclasses import replace
 from itertools import product
@@ -10,17 +10,17 @@ from imuloop.core.samples import ORIENTATION, POSITION
 from imuloop.core.units import DEGREE
 from imuloop.ingest.attitudes import angles, at_instants, turns
 
-# m in each unit of a position
+# size of each unit of a position, m
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-# share of the turns that may be left where a convention fits
+# a convention fits if its residual is less than this share of the turns
 FITS = 0.3
-# cosine of the angle between two worlds from which on they are one
+# the axes of two worlds count as the same if the cosine of the angle between them is at least this
 ALONG = 0.95
-# to 10 % the two scales of a sensor and its reference may differ
+# largest share by which the scales of a sensor and its reference may differ
 SCALE = 0.1
 # s; windows over which places and specific force are compared
 _WINDOW = 0.2
-# fewest samples by which a convention, or places, are judged
+# least number of samples for a verdict on the convention or on the places
 _LEAST = 50
 
 
@@ -74,13 +74,13 @@ def convention_faults(reference, t, w, f, declared):
             why = f"its clock overlaps with the clock of the log for less than {_LEAST} samples"
             return [f"reference: {why}"], np.eye(3).tolist(), 1.0
         turn, angle = turn[inside], angles(t, w, start[inside], end[inside])
-        # noise and swaps lengthen turns: the median of those that are long
+        # noise and swapped markers lengthen short turns: use the median of the longer half
         lengths = [np.linalg.norm(v, axis=1) for v in (turn, angle)]
         long = lengths[1] >= np.median(lengths[1])
         size = np.median(lengths[0][long] / np.maximum(lengths[1][long], 1e-12))
         tried[order, convention] = *_frame(turn, angle * size), size
     frame, residual, size = tried["wxyz", declared]
-    # of those that fit the axes of body and sensor are the nearest to each other
+    # among the readings that fit, take the one with the smallest turn from sensor to body
     order, convention = max(tried, key=lambda key: (tried[key][1] < FITS, np.trace(tried[key][0])))
     why = None
     if residual > FITS:
@@ -97,10 +97,13 @@ def convention_faults(reference, t, w, f, declared):
 
 
 def _gain(reference, t, f, frame):
-    """Return the matrix from specific force in the world to the acceleration of places, (3, 3).
+    """Return the matrix, (3, 3), from specific force in the world to acceleration of the places.
 
-    Both are means over windows, in which the acceleration is the second difference of three places.
-    None where places or motion are too few.
+    It is a least-squares fit to means over windows. The acceleration in a window is the second
+    difference of three places. `reference` is the Reference, `t` are the times of the samples, s,
+    (n,), `f` is their specific force, m/s^2, (n, 3), and `frame` rotates from the axes of the
+    sensor to the axes of the reference. The result is None if there are too few places or too
+    little motion.
     """
     columns = at_instants(reference, t)
     q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))
@@ -136,7 +139,7 @@ def place_faults(reference, t, f, frame, declared):
     if gain is None:
         return []
     size, why = np.cbrt(np.linalg.det(gain)), None
-    # cosine of the angle of the rotation that is left
+    # without its size the matrix is a rotation, if all fits: cosine of its angle
     cosine = np.clip((np.trace(gain) / size - 1) / 2, -1, 1)
     unit = (declared.get("units") or {}).get("position", "m")
     tens = [x for x in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1) if abs(abs(size) / x - 1) < 3 * SCALE]

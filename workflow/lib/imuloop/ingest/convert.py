@@ -24,7 +24,7 @@ _of_channels = partial(dict.fromkeys, CHANNELS, 0)
 
 @dataclass
 class Counts:
-    """Numbers of rows of a log by their fate, and findings on its clock and its values.
+    """Numbers of used and dropped rows of a log, and findings on its clock and its values.
 
     Each row is counted once. `reasons` are lines on a log that cannot be used. `identical` rows
     repeat the one before in stamp and all values. `is_gravity` and `in_two_units` are results of
@@ -61,7 +61,7 @@ class Counts:
 
 
 def no_samples(log):
-    """Return the columns of samples of a log, without any row."""
+    """Return the columns of the samples of a RawLog by name, a dict, each without rows."""
     names = [TIME, *CHANNELS, *[TEMPERATURE] * log.temperature]
     names += [OWN_TIME[log.slower]] if log.slower else []
     return {name: np.empty(0) for name in names}
@@ -70,9 +70,10 @@ def no_samples(log):
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def si_samples(rows, raw_units):
-    """Return the columns of the samples of `Rows`, `t` rising from 0, and the `Counts`.
+    """Return the samples of `Rows`, a dict of columns of shape (n,) in SI, and their `Counts`.
 
-    `raw_units` are the `RawUnit` of each sensor by quantity.
+    The column ``t`` starts at 0 and rises. `raw_units` are the `RawUnit` of each sensor by
+    quantity. Rows with a fault are left out and counted.
     """
     log, summed = rows.log, increments.factors(rows.units)
     if log.slower and summed:
@@ -101,7 +102,7 @@ def si_samples(rows, raw_units):
         # a channel in SI needs no copy
         is_si = unit is None or (unit.scale, unit.offset) == (1.0, 0.0)
         values[name] = x = raw if is_si else unit.to_si(raw)
-        # not-a-number is not within
+        # the comparison is written so that not-a-number fails it
         if not (x.max(initial=0.0) <= BEYOND and x.min(initial=0.0) >= -BEYOND):
             wrong = ~(np.abs(x) <= BEYOND)
             lacks = ~np.isfinite(raw)
@@ -111,7 +112,8 @@ def si_samples(rows, raw_units):
                 values[name] = np.where(wrong, np.nan, x)
             else:
                 bad |= wrong
-    # the fate of a row is the first that is true; an even clock takes rows as they come
+    # the first fate that is true of a row counts; on an even clock the order of stamps does not
+    # matter
     fates = {
         "identical": rows.same,
         "outside": ~inside,
@@ -142,7 +144,7 @@ def si_samples(rows, raw_units):
     if log.slower:
         own = (rows.stamps[HELD][0][keep] - zero) * rows.scale
         if rows.even:
-            # rebuilt with the time stamps of the rows
+            # each of its samples gets the rebuilt time of the first row that holds it
             _, first, which = np.unique(own, return_index=True, return_inverse=True)
             own = samples[TIME][first][which]
         samples[OWN_TIME[log.slower]] = own

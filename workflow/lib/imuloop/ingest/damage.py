@@ -1,18 +1,19 @@
-"""Damaged files, and files made to break their reader: one line says so, the log is rejected."""
+"""Damaged files, and files made to break their reader, are rejected with one line."""
 
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 
-# no log packs better than this
+# largest ratio of the unpacked to the packed size of a log: no log packs better
 MOST_TIMES = 200
-# bytes of a file that show its format and its layout; without a line end in them it is no table
+# number of bytes at the start of a file that show its format and its layout; a text without the end
+# of a line in them is not a table
 LONGEST_LINE = 1 << 16
 SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 
 
 def check_unpacked(packed, unpacked):
-    """Refuse a file of `packed` bytes of which so far more than `MOST_TIMES` as many came out."""
+    """Raise a RejectedLog if `unpacked` bytes are over `MOST_TIMES` times the `packed` bytes."""
     if unpacked > MOST_TIMES * packed:
         raise RejectedLog(
             f"unpacked, the file is more than {MOST_TIMES} times its {packed} bytes: refused, "
@@ -21,18 +22,18 @@ def check_unpacked(packed, unpacked):
 
 
 def read_whole(name, form, paths, columns=None):
-    """Return the RawLog of a file; reject one that the library of its format cannot read.
+    """Return the RawLog of a file; raise a RejectedLog if the library of its format fails.
 
     A package that is missing becomes an `ImuloopError` with the command that installs it.
 
     Parameters
     ----------
     name, form : str, LogFormat
-        Name of the format; its reader, and the remedy of a broken file.
+        Name of the format, and the format with its reader and the remedy for a broken file.
     paths : dict
-        The path under ``log``.
+        Path of the file under the key ``log``.
     columns : dict, optional
-        As declared.
+        Declared columns by quantity.
     """
     path = Path(paths["log"])
     try:
@@ -41,7 +42,7 @@ def read_whole(name, form, paths, columns=None):
         raise
     except ImportError as error:
         package = str(error.name).partition(".")[0]
-        # an extra of the project is called as the format that needs it
+        # the extra of the project that installs a package has the name of the format
         raise ImuloopError(
             f"format {name} needs the package {package}, which is not installed: pip install "
             f"'.[{name}]'"

@@ -8,20 +8,22 @@ from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
 
-# at the rate of the main loop; as sampled; increments. Older logs number the sensor.
+# IMU is at the rate of the main loop, ACC and GYR are as sampled, IMT are increments; in older logs
+# a message has the number of the sensor at its end
 _INERTIAL = r"(IMU|ACC|GYR|IMT)\d?"
-# stamps to microseconds; a sample's own goes first
+# fields of time stamps, and their unit in us; the field with the time of the sample comes first
 _STAMPS = {"SampleUS": 1, "TimeUS": 1, "TimeMS": 1000}
-# usual name to increments over their interval in s
+# quantity to the fields of its increments, without the axis, and of their interval in s
 _INCREMENTS = {"acceleration": ("DelV", "DelvT"), "angular_rate": ("DelA", "DelaT")}
-# what each letter of a message's format is; in `_SCALES` by how much its numbers are divided
+# type of a field for each letter of a message's format; numbers of a letter in `_SCALES` are
+# divided by the scale there
 _CODES = {
     **{"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8"},
     **{"Q": "<u8", "g": "<f2", "f": "<f4", "d": "<f8", "M": "i1", "n": "S4", "N": "S16"},
     **{"Z": "S64", "a": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4"},
 }
 _SCALES = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
-# header of a binary message; a message counts where the next one, or the end of the file, follows
+# header of a binary message; a message counts if the next one, or the end of the file, follows
 _HEAD, _END = b"\xa3\x95", rb"(?=\xa3\x95|\xa3?\Z)"
 # the message that defines another: its number and size, name, format and names of its fields
 _FORMAT = re.compile(rb"(?s)\xa3\x95\x80(.)(.)(.{4})(.{16})(.{64})" + _END)
@@ -30,11 +32,12 @@ _LEAST_SHARE = 0.01
 
 
 def read(paths, columns=None):
-    """Read a DataFlash log.
+    """Return the RawLog of a DataFlash log.
 
-    The streams are messages with their instance, ``IMU_0``, or messages, ``IMU2``, in older logs
-    without instances. `columns` names streams or ``STREAM.FIELD``, also of messages other than IMU,
-    ACC, GYR and IMT. Increments become rates by their own interval.
+    A stream is a message with its instance, such as ``IMU_0``. In older logs, which have no
+    instances, it is a message, such as ``IMU2``. `columns` are the declared columns by quantity,
+    each a stream or ``STREAM.FIELD``; they may be of messages other than IMU, ACC, GYR and IMT.
+    Increments are divided by their own interval.
     """
     with open(paths["log"], "rb") as file:
         data = file.read()
@@ -59,7 +62,11 @@ def read(paths, columns=None):
 
 
 def _messages(data, wanted):
-    """Return name -> fields of the messages whose names match a pattern, and lines on damage."""
+    """Return the fields of messages, a dict by name of the message, and lines on damage, a list.
+
+    `data` is the content of the log, bytes. Only messages are read whose whole name matches the
+    pattern `wanted`.
+    """
     lengths, kinds, known = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
         name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
@@ -82,7 +89,12 @@ def _messages(data, wanted):
 
 
 def _fields(data, rows, size, codes, names):
-    """Return name -> numbers of the messages at `rows`; empty where their definition is broken."""
+    """Return the numbers in m messages, a dict of arrays of shape (m,) by name of the field.
+
+    `rows` are the positions of the messages in `data`, bytes. `size`, `codes` and `names` are their
+    definition: the number of bytes, a letter for the type of each field, and the names of the
+    fields. The result is empty if the definition contradicts itself.
+    """
     names = names.split(",")
     whole = np.dtype([("", "S3"), *(("", _CODES.get(code, "S0")) for code in codes)])
     if whole.itemsize != size or len(names) != len(codes):
@@ -98,7 +110,11 @@ def _fields(data, rows, size, codes, names):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(name, fields):
-    """Return the streams of a message, one an instance, with the sensors' usual names."""
+    """Return a Stream for each instance of a message, a list.
+
+    `name` is the name of the message, and `fields` are its numbers by name of the field. The fields
+    of the sensors get their usual names, too. The list is empty for a message without time stamps.
+    """
     fields = {field: np.asarray(values) for field, values in fields.items()}
     clock = next((field for field in _STAMPS if field in fields), None)
     if clock is None:

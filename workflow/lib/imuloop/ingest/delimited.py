@@ -1,4 +1,4 @@
-"""Text tables: comma, tab, semicolon or blanks, with or without a header."""
+"""Text tables: fields between commas, tabs, semicolons or blanks, with or without a header."""
 
 import re
 from contextlib import suppress
@@ -29,23 +29,24 @@ from imuloop.ingest.text_layout import (
     unreadable,
 )
 
-# a line with an open quote
+# a line with a quote that is not closed
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
-# lines of comments at the end, and the bytes in which they are looked for
+# lines of comments at the end of a file, and the number of bytes in which they are looked for
 _LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
 _CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
-# bytes that are parsed at once
+# number of bytes that are parsed at once
 _BLOCK = 1 << 22
-# zeros and erased memory become a byte that no number has, so that they spoil their own row alone
+# bytes of zeros and of erased memory become one that no number has, so that only their row is lost
 _EMPTY = b"\x01"
 _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
 
 
 def read(paths, columns=None):
-    """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
+    """Return the RawLog of a text table.
 
-    In a sensor's folder of an EuRoC recording, ``imu0``, the table is a file, whose header gives
-    names and units.
+    ``paths["log"]`` is the path of the table or its text as bytes; a compressed file (.gz, .bz2,
+    ...) is unpacked. If the path is the folder of a sensor in an EuRoC recording, such as ``imu0``,
+    the table is the file `IN_FOLDER` in it. `columns` are the declared columns by quantity.
     """
     path = paths["log"]
     if not isinstance(path, bytes) and Path(path).is_dir():
@@ -73,9 +74,10 @@ def read(paths, columns=None):
 
 
 def _refuse_devices(layout, chosen):
-    """Reject a table whose first rows are of several devices in turn, as a column says.
+    """Raise a RejectedLog if a column says that the first rows are of several devices in turn.
 
-    `chosen` are the Columns of the sensors. A row counts if it has values of them, not all zero.
+    `layout` is the Layout of the table, and `chosen` are the Columns of the sensors. A row counts
+    if it has values of the sensors that are not all zero.
     """
     rows = [[*row, *[""] * len(layout.names)] for row in layout.rows]
     for sensor in filter(None, (chosen.acceleration, chosen.angular_rate)):
@@ -91,10 +93,11 @@ def _refuse_devices(layout, chosen):
 
 
 def _scaled(layout, chosen):
-    """Return units, scales of counts, and the tick in the unit of time.
+    """Return units, and scales of counts, dicts by quantity, and the tick of the stamps.
 
-    A row below the header may name the units, and lines above it scales. A unit that is a multiple
-    of one of the library's is a count with that scale.
+    The tick is in the unit of time. A row below the header may name the units, and lines above the
+    header the scales. A unit that is a multiple of a unit of the library is a count with a scale.
+    `layout` is the Layout of the table, and `chosen` are the Columns that are read.
     """
     units = chosen.units | (stated_units(chosen, layout.units) if layout.units else {})
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
@@ -114,14 +117,16 @@ def _scaled(layout, chosen):
 
 
 def text_columns(source, layout, positions, log, stamps):
-    """Return columns of a text table (path or bytes).
+    """Return the columns at `positions` of a text table, a list of Arrow arrays.
 
-    The first `stamps` of the columns at `positions` are stamps, as in `stamp_array`, the others
-    float64. `log` counts bad lines and bytes.
+    `source` is the path of the table or its text as bytes, and `layout` its Layout. The first
+    `stamps` columns are time stamps, int64, float64 or timestamp[ns]; the others are float64. Bad
+    lines and their bytes are counted in the RawLog `log`. Raises a RejectedLog if the text cannot
+    be parsed.
     """
     kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
     kinds += [pa.float64()] * len(positions[stamps:])
-    # text among the numbers spoils its own row alone
+    # if there is text among the numbers, read all as text, so that only the rows with it are lost
     for types in (kinds, [pa.string()] * len(positions)):
         weights, lost = [], []
         try:
@@ -137,26 +142,27 @@ def text_columns(source, layout, positions, log, stamps):
     log.lost_bytes += sum(map(_weight, lost))
     log.text_bytes += sum(weights)
     if stamps and all(column.null_count for column in columns):
-        # drop rows without a stamp and any value, as below the last one of a shorter sensor
+        # drop rows with neither stamp nor value, as at the end of the columns of a slower sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
         columns = [column.filter(held) for column in columns]
     return [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
 
 
 def _stamp_kind(layout, at):
-    """Return the type of stamps by the first rows: int64, float64, or text for dates."""
+    """Return the type of the stamps in column `at`: int64, float64, or text for dates."""
     texts = [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
     kind = stamp_array(pa.array(texts, pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 
 def _blocks(source, layout, weights):
-    """Give the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
+    """Yield the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
 
-    The weight of each block is added to the list `weights`.
+    `source` is the path of the table or its text as bytes, and `layout` its Layout. The number of
+    written bytes in each block is added to the list `weights`.
     """
     text, skipped = bytearray(), layout.start
-    # the empty part is the end
+    # an empty part marks the end
     for part in chain(parts_of(source, _BLOCK), [b""]):
         text += part[skipped:]
         skipped, end = 0, len(text)
@@ -180,7 +186,11 @@ def _blocks(source, layout, weights):
 
 
 def _parsed(blocks, layout, positions, kinds, lost):
-    """Return columns of these types of a text in blocks; lines that are no rows go to `lost`."""
+    """Return the columns at `positions` of a text, a list of Arrow arrays of the types `kinds`.
+
+    `blocks` are the blocks of the text, bytes, and `layout` is its Layout. Lines with another
+    number of fields are added to the list `lost`.
+    """
     names, every = [str(i) for i in positions], [str(i) for i in range(len(layout.names))]
     # its size is no limit of the blocks, so that no line is longer than one
     reading = pyarrow.csv.ReadOptions(column_names=every, block_size=_BLOCK, use_threads=False)
@@ -212,7 +222,7 @@ def _parsed(blocks, layout, positions, kinds, lost):
 
 
 def _check_headers(names, columns):
-    """Reject a table in which a column holds the name of another: other rows follow that header."""
+    """Raise a RejectedLog if a column holds the name of another: a second header differs."""
     for name, column in zip(names, columns, strict=True):
         others = pa.array({*names} - {name}, pa.string())
         if column.type == pa.string():
@@ -232,5 +242,5 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return the number of bytes of a text but zeros, erased memory and blanks."""
+    """Return the number of bytes of a text without zeros, erased memory and blanks."""
     return len(text) - sum(text.count(each) for each in (_EMPTY, b" ") if each in text)

@@ -1,4 +1,4 @@
-"""Time stamps of a sensor that samples evenly are made even: of packets, in bursts, scattered."""
+"""Time stamps of packets, in bursts or scattered are made even if the sensor samples evenly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,28 +11,31 @@ from imuloop.core.errors import plural
 from imuloop.ingest.jitter import jitter_sign
 
 # Time stamps come in bursts if the median step is less than this share of the mean one. Rows that
-# share a time stamp are a packet if as many steps lie before or after it, but for this share of
-# one. A transfer holds samples back for less, in s.
+# share a time stamp are a packet if the time before or after it has as many steps, less this share
+# of a step. A transfer holds samples back for less than this time, s.
 HALF = 0.5
-# share of a step by which nine in ten stamps scatter, from which on they are made even: less is
-# noise of a host's clock
+# stamps are made even if the range that holds nine in ten of them is at least this share of a step:
+# a smaller range is noise of a host's clock
 SCATTER = 0.12
-# parts of a log whose time stamps lie on one line, of ten rows at least: fewer parts hide lost
-# samples
+# number of parts of a log, of at least ten rows each, that are tested for whether their stamps lie
+# on one line: fewer parts hide lost samples
 PARTS = 20
-# as few are an accident: transfers, missing samples, rows with a shared stamp; also the bins of a
-# mean step in the spectrum of the stamps
+# a smaller number of transfers, missing samples, or rows with a shared stamp may be an accident;
+# also the number of bins per mean step in the spectrum of the stamps
 ENOUGH = 16
-# mean steps in a block of that spectrum, and time stamps of a running phase: clocks drift slowly
+# mean steps in a block of that spectrum, and time stamps in a running mean of the phase: clocks
+# drift slowly
 _BLOCK, _PHASE = 4096, 512
 # least power of a clock in that spectrum, in units of the power of random stamps
 _SURE = 20.0
-# share that is nearly all: of the transfers one size, of the highest peak a lower one
+# transfers have one size if this share of them has it; a lower peak counts as the highest if it has
+# more than this share of its power
 _NEARLY = 0.8
-# share by which rates may differ that count as one: of a sensor, declared or by its stamps, and of
-# two sensors
+# two rates count as the same if they differ by less than this share: a declared rate and the rate
+# of the stamps, and the rates of two sensors
 RATE_SHARE = 0.05
-# between more bursts no sound stretch is left, and later stages take minutes to find that
+# most bursts of a log that is used: between more of them later stages find no sound stretch, which
+# takes them minutes
 MOST_BURSTS = 1000
 
 
@@ -56,7 +59,7 @@ class Even:
     complete: bool = False
 
     def number(self, rows):
-        """Return the number of the sample that each row holds."""
+        """Return the number of the sample in each row, counted with lost samples, (k,) of int."""
         return rows + np.array([0, *self.lost])[np.searchsorted(self.rows, rows, side="right")]
 
 
@@ -83,7 +86,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     turn_rate : array, shape (3, n)
         Angular rate, in any unit.
     packets : tuple, optional
-        Result of `packet_step`.
+        If rows come in packets that share a time stamp: the step between rows of a packet, s, and
+        whether the last row has the time of the stamp.
     rate : float, optional
         Declared rate, Hz.
     increments : bool
@@ -130,15 +134,16 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range that holds nine in ten values, the median of `PARTS` parts."""
+    """Return the width of the range of nine in ten values x, (n,), a median over `PARTS` parts."""
     ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
     return np.median(np.ptp(ends, axis=1))
 
 
 def _line(rows, t):
-    """Return the slope of time over row number, and how far each time is from that line.
+    """Return the slope of time over row number, s, and the distance of each time from the line, s.
 
-    The slope is first the median of pairs half a log apart (Theil). As stamps of transfers lie on
+    `rows` and `t` are number and time, s, of each row, (n,), and the distances are (n,), too. The
+    slope is first the median of pairs half a log apart (Theil). As stamps of transfers lie on
     a few parallel lines, three rounds of least squares follow, with outliers clipped.
     """
     rows, half = rows - rows[0], len(rows) // 2
@@ -154,14 +159,15 @@ def _line(rows, t):
 def _number_samples(rows, t, packets):
     """Return the number of each sample by the sensor's clock; None if the stamps show no clock.
 
-    `rows` and `t` are number and time, s, of each row, of a packet its first row. `packets` is the
-    result of `packet_step`.
+    `rows` and `t` are number and time, s, of each row, or of the first row of each packet. If rows
+    come in packets, `packets` is their step, s, and whether the last row has the time of the stamp.
 
     Returns
     -------
     tuple or None
-        For each transfer, or row: its first row, the number of samples lost before it, the number
-        of its sample, and its time, s. Last, how far the stamps scatter about the clock, samples.
+        Four arrays with an element for each transfer, or row: its first row, the number of samples
+        lost before it, the number of the sample with its stamp, and its time, s. The fifth element
+        is the width of the scatter of the stamps about the clock, samples.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)
@@ -187,7 +193,11 @@ def _number_samples(rows, t, packets):
 
 
 def _transfers(rows, t):
-    """Return size, first rows and times of transfers; of single rows if their sizes differ."""
+    """Return the size of transfers in rows, and the first row and the time, s, of each, (k,).
+
+    A host receives all rows of a transfer at once. If the sizes differ, each row is a transfer of
+    size 1. `rows` and `t` are number and time, s, of each row, (n,).
+    """
     apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
     # packets with a shared time stamp, else bursts
     for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(apart))):
@@ -202,7 +212,7 @@ def _transfers(rows, t):
 def _clock(t):
     r"""Return the frequency of the clock that time stamps show, Hz; None if they show none.
 
-    It is a peak of the spectrum of the stamps
+    `t` are the n time stamps t_k, s, (n,). The frequency is a peak of the spectrum of the stamps
 
     .. math:: C(f) = \left|\sum_k e^{2 \pi i f t_k}\right| / n,
 
@@ -232,7 +242,7 @@ def _clock(t):
 
 
 def _phase(x):
-    """Return the slowly changing phase of times in cycles, cycles."""
+    """Return the running mean of the phase of times x, (n,), both in cycles; the result is (n,)."""
     wave = uniform_filter1d(np.exp(2j * np.pi * x), _PHASE)
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
@@ -240,7 +250,7 @@ def _phase(x):
 def _is_beat(at):
     """Tell whether samples, numbered `at`, are missing because a host polls faster than a sensor.
 
-    They are then evenly spaced by the beat of the two clocks, which is not a whole number.
+    Their numbers are then evenly spaced by the beat of the two clocks, which is not a whole number.
     """
     if len(at) < ENOUGH:
         return False
@@ -254,13 +264,13 @@ def _is_beat(at):
 def packet_step(rows, t, repeats):
     """Return the step of rows that share a time stamp, s, and whether the last row has its time.
 
-    None if such rows are not packets: then the time stamps around them go on as always. `rows` and
-    `t` are number and time, s, of each row with a new time stamp. `repeats` is the number of other
-    rows.
+    The result is None if such rows are not packets: the time stamps around them then have the usual
+    step. `rows` and `t` are number and time, s, of each row with a new time stamp. `repeats` is the
+    number of other rows.
     """
     if repeats < ENOUGH or len(t) < 3:
         return None
-    # of each time stamp the number of rows, and the steps to the one before and to the next
+    # number of rows with each time stamp, and the steps to the stamps before and after it
     size, steps, found = np.diff(rows)[1:], np.diff(t), []
     for is_last, away in ((True, steps[:-1]), (False, steps[1:])):
         step = np.median(away / size).item()
@@ -273,8 +283,9 @@ def packet_step(rows, t, repeats):
 def spread(x, readable, step, is_last):
     """Return time stamps in which rows that share one are a `step` apart, in their unit.
 
-    The last row of a packet has the shared time stamp if `is_last`, else the first row. No row
-    comes before the time stamp before, nor after the next one.
+    `x` are the time stamps, (n,), and `readable` is the mask of those that are used. If `is_last`,
+    the last row of a packet keeps the shared time stamp, else the first row. No row is moved past
+    the time stamp before or the next one.
     """
     logged = x[readable]
     starts = np.flatnonzero(np.append(True, logged[1:] != logged[:-1]))
@@ -306,10 +317,11 @@ def rebuilt_line(rows):
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def bursts_fault(t, gaps, rate=None):
-    """Return a line on time stamps in bursts that no line could rebuild, or None.
+    """Return a line on time stamps in bursts that could not be rebuilt, or None.
 
-    A sensor that pauses by itself pauses for longer, or has the declared `rate`, Hz, in between.
-    `t` are times, s, and `gaps` their gaps as in quality.json.
+    A sensor that pauses by itself is excluded: its pauses are longer, or its rate between them is
+    the declared `rate`, Hz. `t` are the times of the rows, s, (n,), and `gaps` are their gaps as in
+    quality.json.
     """
     if not gaps["count"]:
         return None

@@ -1,4 +1,4 @@
-"""The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
+"""The log formats: name, reader, and the first bytes or the file name that show each of them."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ from pathlib import Path
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
 from imuloop.ingest.damage import LONGEST_LINE, SPREADSHEET, read_whole
 
-# roles of two files, of one sensor each
+# roles of the files of a log in two files, one for each sensor
 PAIR = ("acceleration", "angular_rate")
-# the table in a folder of EuRoC
+# name of the table in the folder of a sensor in an EuRoC recording
 IN_FOLDER = "data.csv"
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
 
 @dataclass(frozen=True)
 class LogFormat:
-    """A log format: its reader, and what its files are called.
+    """A log format: its reader, and the names and first bytes of its files.
 
-    `reader` is the module of ingest and the function of the reader, which is imported only where a
-    log is read. The function ``read(paths, columns) -> RawLog`` takes the role of each file to its
-    path, and the columns as declared. It raises ImuloopError where a declaration does not fit,
-    RejectedLog for a broken file. `endings` end file names, in lower case, `starts` the first bytes
-    of files, whatever their name; a `folder` may be read. `remedy` says what to do with a broken
-    file.
+    `reader` names the module in ingest and the function of the reader, which is imported only when
+    a log is read. The function ``read(paths, columns) -> RawLog`` takes the path of each file by
+    its role, and the declared columns by quantity. It raises an ImuloopError if a declaration does
+    not fit, and a RejectedLog for a broken file. `endings` are the ends of file names, in lower
+    case. `starts` are the first bytes that show the format under any file name. `folder`
+    tells whether a folder may be read. `remedy` is advice to a user with a broken file.
     """
 
     reader: str
@@ -40,7 +40,7 @@ class LogFormat:
         return self.reader.partition(".")[0]
 
     def read(self, paths, columns=None):
-        """Return the RawLog of the files at `paths`, by role, with `columns` as declared."""
+        """Return the RawLog of files; `paths` are by role, `columns` declared ones by quantity."""
         module, name = self.reader.split(".")
         return getattr(import_module(f"imuloop.ingest.{module}"), name)(paths, columns)
 
@@ -75,7 +75,7 @@ READERS = {form.module for form in FORMATS.values()}
 # readers that read text by the reader of text tables
 _WITH_TEXT = {"arrays", "json_lines", "phone"}
 SIGNATURES = {start: name for name, form in FORMATS.items() for start in form.starts}
-# how files begin that are logs of no format, and what to do about them
+# first bytes of files that are logs of no format, and the reason with a remedy
 _NO_LOGS = {
     b"\xd0\xcf\x11\xe0": SPREADSHEET,
     b"version https://git-lfs.github.com/": (
@@ -89,11 +89,11 @@ _NO_LOGS = {
 
 
 def find_format(name, paths):
-    """Return the name of a format and its reader: that declared, else that its files show.
+    """Return the name and the reader of the format `name`, or of the format that the files show.
 
-    The reader is a function ``read(paths, columns=None) -> RawLog``. An ImuloopError where the name
-    is unknown, or the files show none or are not the format's; a RejectedLog where a file is of no
-    format.
+    `paths` are the paths of the files by role. The reader is a function ``read(paths, columns=None)
+    -> RawLog``. Raises an ImuloopError if the name is unknown, or if the files show no format or do
+    not fit it, and a RejectedLog if a file is not a log of any format.
     """
     for path in paths.values():
         if cause := no_log(path):
@@ -144,7 +144,10 @@ def no_log(path):
 
 
 def guess_format(paths):
-    """Return the name of the format that the files' roles, first bytes or names stand for."""
+    """Return the name of the format that the roles, first bytes or names of files show.
+
+    `paths` are the paths by role. Raises an ImuloopError if they show no format.
+    """
     path = Path(next(iter(paths.values())))
     if path.is_dir():
         inside = {ending for file in path.iterdir() for ending in file.suffixes}
@@ -175,7 +178,7 @@ def guess_format(paths):
 
 
 def _head(path):
-    """Return the first bytes of a file; none of another thing, such as a pipe, is opened."""
+    """Return the first bytes of a file; none of a pipe or a folder, which is not opened."""
     with suppress(OSError):
         if Path(path).is_file():
             with open(path, "rb") as file:

@@ -1,4 +1,4 @@
-"""Increments of velocity and angle: divided by the interval that they are of, they are rates."""
+"""Increments of velocity and angle are divided by their interval, which makes them rates."""
 
 import numpy as np
 
@@ -7,13 +7,17 @@ from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest.spellings import SENSORS
 
-# share of a step by which time stamps may jitter: it becomes noise of this share of the signal
+# largest jitter of time stamps without a warning, as a share of a step: the increments turn it into
+# noise of this share of the signal
 _JITTER = 1e-3
 _BY_STAMPS = "step of the stamps that ends at the row"
 
 
 def factors(units):
-    """Return the factor to SI of each sensor that is logged as increments."""
+    """Return the factor to SI of each sensor that logs increments, by quantity.
+
+    `units` are the units of the log by quantity.
+    """
     return {q: known[units[q]] for q, known in INCREMENTS.items() if units.get(q) in known}
 
 
@@ -25,18 +29,19 @@ def are_by_stamps(rows):
 # stamps and values of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def rates(rows):
-    """Return the channels of increments of `Rows` as rates in SI, and by which steps.
+    """Return the channels of increments of `Rows` as rates in SI, and figures of their intervals.
 
-    The interval of a row is the logged one. Without it, it is the even step, or the step of the
-    time stamps that ends at the row. An increment is of one interval of the sensor, however many
-    rows are lost before it: after a gap it is the usual step.
+    The interval of a row is the one that is logged. If none is logged, it is the even step, or the
+    step of the time stamps that ends at the row. An increment covers one interval of the sensor,
+    however many rows are lost before it: after a gap its interval is the usual step.
 
     Returns
     -------
     values : dict of str to array
         Channels by name; not-a-number for a row without a readable interval.
     first, wide : array of bool, shape (n,)
-        Rows at the start of the log, which have no interval, and rows that end a gap.
+        Masks of the rows at the start of the log, which have no interval, and of the rows that end
+        a gap.
     usual : float or None
         Usual step of the time stamps, s; None if they are not needed.
     """
@@ -83,7 +88,11 @@ def figures(rows, counts, usual):
 
 
 def warnings(done, measured):
-    """Return the lines on increments, by their figures and the quality figures of the samples."""
+    """Return the lines on increments for the user; empty if the log has none.
+
+    `done` is the entry ``increments`` of quality.json, and `measured` are the quality figures of
+    the samples.
+    """
     if not done or not measured["rate_hz"]:
         return []
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in done["sensors"].items())

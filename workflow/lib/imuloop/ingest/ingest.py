@@ -1,6 +1,6 @@
-"""One raw log into canonical samples and its quality figures.
+"""From one raw log to its canonical samples and quality figures.
 
-Read the files, find columns and units, find one clock, convert once, check, write.
+The steps are: read the files, find columns and units, find one clock, convert, check, write.
 """
 
 import os
@@ -27,7 +27,7 @@ from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
 from imuloop.ingest.stamps import iso_text
 
-# rows per row group of samples.parquet: 8 columns of it are 8 MB
+# rows of a row group in samples.parquet: 8 columns of a row group have 8 MB
 ROW_GROUP = 1 << 17
 _COUNTED = (
     *("duplicates", "identical", "out_of_order", "non_finite", "missing_values"),
@@ -39,17 +39,17 @@ _WITH_UNIT = ("time", *SENSORS)
 
 @dataclass(frozen=True)
 class Declared:
-    """Keys of the config about a log; columns and units that are left out are found from the log.
+    """Keys of the config about a log; columns and units that are not declared are found in the log.
 
     Attributes
     ----------
     sources : dict of str to dict
-        Role of each file (``log``, or ``acceleration`` and ``angular_rate``; ``reference``,
-        ``pps``) to its source; of one file a log, of two a sensor each.
+        Source of each file by its role: ``log``, or ``acceleration`` and ``angular_rate`` for a log
+        in two files; ``reference`` and ``pps`` if they have their own files.
     columns, units, nominal, full_scale : dict
-        By quantity.
+        Columns, units, scales of counts, and full scales by quantity.
     reference, known_rotation : dict, list
-        Of a reference, and of turns that are known.
+        Keys of the config about a reference, and about turns that are known.
     rate, gravity : float
         Samples per second, Hz, and local gravity, m/s^2.
     """
@@ -68,7 +68,7 @@ class Declared:
     gravity: float = STANDARD_GRAVITY
 
     def of_log(self):
-        """Return the declared keys about the log itself, as in the config."""
+        """Return the declared keys about the log itself, a dict as in the config."""
         names = ("format", "columns", "units", "rate", "full_scale")
         return {name: value for name in names if (value := getattr(self, name))}
 
@@ -77,10 +77,10 @@ class Declared:
 class Reading:
     """A log as it was read, and the unit of each quantity.
 
-    `declared` are the keys of the config about it. `files` maps the role of each file to its path,
-    and `state` is their state before they were read. `format` is the log's. `absent` is the
-    quantity of a sensor that the log lacks. `fault` is the RejectedLog that says why it cannot be
-    used. `doubts` are lines on its units.
+    `declared` are the keys of the config about the log. `files` maps the role of each file to its
+    path, and `state` is the state of the files before they were read. `format` is the name of the
+    log's format. `absent` is the quantity of a sensor that the log lacks, or None. `fault` is the
+    RejectedLog that says why the log cannot be used, or None. `doubts` are lines on its units.
     """
 
     declared: Declared = field(default_factory=Declared)
@@ -109,19 +109,19 @@ class Reading:
 def ingest(*, device, session, kind, paths, samples_path, quality_path, declared=None):
     """Write samples.parquet and quality.json of one session, each in one step.
 
-    What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
-    are empty.
+    A fault in the data is a result: `status` is then ``rejected``, with the reasons, and the table
+    of samples has no rows.
 
     Parameters
     ----------
     device, session : str
-        Their names.
+        Names of the device and the session.
     kind : str or None
-        What was done with the device, None where that is not known.
+        Kind of the session, such as "static"; None if it is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of the declared sources.
     samples_path, quality_path : path-like
-        Where the results go.
+        Paths of the results.
     declared : Declared, optional
         Keys of the config about the log.
 
@@ -146,9 +146,10 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 
 
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
-    """Write samples without rows and a quality with the reason, for a log that does not fit.
+    """Write samples without rows, and a quality with the `reason` why the declaration does not fit.
 
-    The reason is about the declaration. The other parameters are as in `ingest`.
+    `device`, `session` and `kind` are the names of the device and the session, and the kind of the
+    session. `samples_path` and `quality_path` are the paths of the results.
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
     none = no_samples(reading.log), Counts(reasons=[reason])
@@ -157,7 +158,11 @@ def write_rejected(*, device, session, kind, samples_path, quality_path, reason)
 
 
 def read(paths, declared):
-    """Return the `Reading` of the files at paths."""
+    """Return the `Reading` of the files at `paths`, which are in the order of the declared sources.
+
+    `declared` is the Declared of the log. Raises an ImuloopError if a file does not exist, or if a
+    declaration does not fit.
+    """
     for path in paths:
         if any("\ud800" <= c <= "\udfff" for c in str(path)):
             raise ImuloopError("its name is no UTF-8: rename it")
@@ -184,9 +189,9 @@ def read(paths, declared):
 
 
 def choose_units(log, declared):
-    """Return the unit of each quantity, and where the log itself says otherwise (texts).
+    """Return the unit of each quantity, a dict, and lines on units that the log states otherwise.
 
-    `declared` are the units of the config. Raises an ImuloopError for an unknown one.
+    `declared` are the units of the config by quantity. Raises an ImuloopError for an unknown unit.
     """
     stamps = log.found.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
@@ -194,7 +199,7 @@ def choose_units(log, declared):
         declared = declared | {"time": "ns"}
     used = {q: declared.get(q) or log.units.get(q) or units[0] for q, units in UNITS.items()}
     for quantity, unit in used.items():
-        # ISO 8601 stamps need no unit, and others only where they are numbers
+        # stamps of ISO 8601 need no unit; an unknown unit of time is a fault only if it is declared
         of_dates = quantity == "time" and (is_iso(unit) or quantity not in declared)
         if unit in UNITS[quantity] or of_dates:
             continue
@@ -214,7 +219,10 @@ def choose_units(log, declared):
 
 
 def convert(reading):
-    """Return the samples of a log on its one clock, and their `Counts`."""
+    """Return the samples of a Reading on one clock, columns by name, and their `Counts`.
+
+    A log that cannot be used has no samples; its Counts have the reasons.
+    """
     log, counts = reading.log, Counts(read=reading.log.batch.num_rows)
     try:
         if reading.fault:
@@ -234,7 +242,12 @@ def convert(reading):
 
 
 def check(reading, samples, counts, kind):
-    """Return the samples, none of a rejected log, what quality.json says, and their origin."""
+    """Return the samples of a Reading, the content of quality.json, and the origin of the samples.
+
+    The samples are columns by name, without rows if the log is rejected; the others are dicts.
+    `samples` and `counts` are the converted samples and their `Counts`, and `kind` is the kind of
+    the session.
+    """
     log, raw_units, declared = reading.log, reading.raw_units, reading.declared
     figures, in_ms, rate = _measure(reading, samples), None, declared.rate
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
@@ -247,10 +260,10 @@ def check(reading, samples, counts, kind):
         counts.spike_values = dict(zip(CHANNELS, number, strict=True))
         counts.spiked = len(np.unique(dropped))
         samples = {name: np.delete(x, dropped) for name, x in samples.items()}
-        # the gaps that this leaves are counted as spikes
+        # the gaps from dropped spikes are not counted as gaps
         figures = _measure(reading, samples) | {"gaps": figures["gaps"]}
         del figures["isolated"]
-    # an accelerometer is the yardstick
+    # without an accelerometer nothing can be compared with gravity
     gravity = None if reading.absent == "acceleration" else declared.gravity
     of_log = {"figures": figures, "counts": counts, "log": log, "units": raw_units, "kind": kind}
     findings = checks.findings(
@@ -258,7 +271,7 @@ def check(reading, samples, counts, kind):
     )
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
     if bursts:
-        # the rate is wrong, and so is all that was found by it
+        # the rate is wrong, and so are all findings that depend on it
         many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
         wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
@@ -288,7 +301,7 @@ def check(reading, samples, counts, kind):
         "format": 1,
         "status": "rejected" if reasons or wrong else "ok",
         "reasons": [*map(for_reader, reasons or wrong)],
-        # whether the reasons are about the entry, not the log
+        # whether the reasons are about the declaration in the config, not about the log
         "misdeclared": bool(wrong and not reasons),
         "warnings": [*map(for_reader, lines)],
         **figures,
@@ -303,7 +316,7 @@ def check(reading, samples, counts, kind):
 
 
 def _measure(reading, samples):
-    """Return the quality figures of samples, with neutral ones for a sensor that the log lacks."""
+    """Return the quality figures of samples, with neutral figures for an absent sensor, a dict."""
     figures = quality.measure(samples, reading.raw_units, reading.declared.full_scale)
     absent, faults = reading.absent, figures["faults"]
     if absent:
@@ -312,21 +325,21 @@ def _measure(reading, samples):
         figures["range"] |= dict.fromkeys(axes)
     if absent and faults:
         faults["zero_rows"][absent] = 0
-        # a change of the force is no fault where turns are not seen
+        # without a gyroscope a change of the force may be a turn, which is not a fault
         if absent == "angular_rate" and faults["rests"]:
             faults["rests"]["jump_m_s2"] = 0.0
     return figures
 
 
 def _origin(reading, counts):
-    """Return where samples come from, in what units and when they begin."""
+    """Return the origin of samples, a dict: their files, units, declarations and start."""
     files, paths, declared = reading.of_log, [*reading.state], reading.declared
     distinct = len({path.name for path in paths}) == len(paths)
     start, turned = counts.start_ns, declared.known_rotation
     return {
         "log_format": reading.format,
         "source": declared.sources or {role: {"path": str(path)} for role, path in files.items()},
-        # by path where names repeat
+        # if two files have the same name, their paths are the keys
         "sha256": {p.name if distinct else str(p): sha256(p) for p in paths if p.is_file()},
         "raw_units": {quantity: vars(unit) for quantity, unit in reading.raw_units.items()},
         "declared": declared.of_log(),
@@ -340,13 +353,13 @@ def _origin(reading, counts):
 def _write(samples_path, quality_path, samples, found, origin):
     """Write samples.parquet and quality.json.
 
-    Values of few levels are written as numbers of these, time stamps are not.
+    Channels are written with a dictionary, as they have few different values; times are not.
     """
     of_levels = [name for name in samples if name in (*CHANNELS, TEMPERATURE)]
     table, how = pa.table(samples), {"compression": "zstd", "use_dictionary": of_levels}
     how["use_byte_stream_split"] = [name for name in samples if name not in of_levels]
     with replaced(samples_path) as temporary:
-        # doubles need no schema of Arrow
+        # a table of float64 can be read without a stored schema of Arrow
         with pq.ParquetWriter(temporary, table.schema, store_schema=False, **how) as writer:
             writer.write_table(table, row_group_size=ROW_GROUP)
             writer.add_key_value_metadata(schema(origin).metadata)
@@ -354,7 +367,10 @@ def _write(samples_path, quality_path, samples, found, origin):
 
 
 def _state(paths):
-    """Return figures of files at the paths, or in folders there, that change with each write."""
+    """Return figures by file that change with each write: inode, size and time of the last change.
+
+    The files are those at `paths`; a folder stands for the files in it.
+    """
     files = [f for path in paths for f in (sorted(path.iterdir()) if path.is_dir() else [path])]
     stats = {file: file.stat() for file in files if file.is_file()}
     return {file: (s.st_ino, s.st_size, s.st_mtime_ns) for file, s in stats.items()}

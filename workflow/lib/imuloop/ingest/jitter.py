@@ -1,10 +1,10 @@
-"""Jitter of time stamps: a test whether the samples were taken at their time stamps."""
+"""A test of whether samples were taken at their time stamps, if these have jitter."""
 
 import numpy as np
 
 from imuloop.core.gaps import gap_limit
 
-# standard errors by which β has to differ from a half
+# the result is sure if β differs from a half by more than this number of standard errors
 SURE = 4.0
 
 
@@ -32,7 +32,7 @@ def jitter_sign(t, w, step, grid=0.0):
     step : float
         Usual step T, s.
     grid : float, optional
-        Resolution of the time stamps, s: it is the most by which it makes a step longer.
+        Resolution of the time stamps, s. Rounding makes a step longer by at most this value.
     """
     complete = np.diff(t) <= gap_limit(step) + grid
     jitter = (bend(t) * (complete[1:] & complete[:-1]))[2:-2]
@@ -50,5 +50,5 @@ def jitter_sign(t, w, step, grid=0.0):
 
 
 def bend(x):
-    """Return each inner sample of x, (n,), less the mean of its two neighbours, (n - 2,)."""
+    """Return each inner sample of x, (n,), minus the mean of its two neighbours, (n - 2,)."""
     return x[1:-1] - (x[:-2] + x[2:]) / 2

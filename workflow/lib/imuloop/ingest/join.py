@@ -17,13 +17,21 @@ SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 
 
 def join(logs):
-    """Return the RawLog of logs by name: of both sensors, of one each, or of a thermometer.
+    """Return one RawLog of several logs, which hold the sensors and the temperature.
 
-    The rows are the samples of the faster sensor, or of the gyroscope if both are equally fast.
-    Each holds the sample of the slower sensor that is nearest in time and within half a gap
-    (`gap_limit`), or not-a-number, so that mean and variance of the slower sensor stay its own. The
-    column `HELD` has the stamps of the held samples. The temperature comes from the log of these
-    rows; without one there, another's is interpolated linearly.
+    `logs` are RawLogs by name; each holds both sensors, one sensor or a temperature. The rows of
+    the result are the samples of the faster sensor, or of the gyroscope if both are equally fast.
+    Each row also holds the nearest sample of the slower sensor, so that mean and variance of this
+    sensor do not change; a row with no sample within half of `gap_limit` holds not-a-number. The
+    column `HELD` has the time stamps of the held samples. The temperature comes from the log with
+    the rows; if this has none, the temperature of another log is interpolated linearly.
+
+    Raises
+    ------
+    RejectedLog
+        If a log of a sensor has no rows, or the clocks do not fit together.
+    ImuloopError
+        If only one log has time stamps, or none has and the numbers of rows differ.
     """
     whose = {q: name for name, log in logs.items() for q in SENSORS if q in log.found}
     times = {q: logs[name].found.get("time") for q, name in whose.items()}
@@ -78,9 +86,10 @@ def join(logs):
 
 
 def _rows(log):
-    """Return the stamps of a log, or numbers of rows, its values by name, and the unit of stamps.
+    """Return the stamps of a RawLog, (n,), its values by name, (n,) each, and the unit of stamps.
 
-    Rows whose stamp cannot be read are left out. Dates are ns.
+    A log without time stamps has the numbers of its rows in their place. Rows with an unreadable
+    stamp are left out. The unit is "ns" for dates, and None if the log does not state it.
     """
     count = log.batch.num_rows
     stamps, readable, dates = np.arange(count), np.ones(count, dtype=bool), False
@@ -94,9 +103,9 @@ def _rows(log):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _faster(stamps):
-    """Return the log with the fastest clock; the last, the gyroscope's, if they are equally fast.
+    """Return the name of the log with the fastest clock; the last one, if they are equally fast.
 
-    `stamps` are the time stamps of each log by name, the accelerometer's first.
+    `stamps` are the time stamps of each log by name, (n,). The log of the gyroscope is the last.
     """
     steps = {}
     for name, x in stamps.items():
@@ -109,18 +118,20 @@ def _faster(stamps):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _onto(names, stamps, values, tick, linear):
-    """Bring values of a log, shape (k, n), to the m stamps of another, the clock.
+    """Bring the values of a log, (k, n), to the m time stamps of another log, the clock.
 
-    Rows that miss a value, repeat a stamp or come late are left out. Values are not-a-number where
-    no sample is near: within half of a gap of the nearest sample, or, if they are interpolated
-    (`linear`), between two samples without a gap. `names` are the names of the clock and of the
-    log, and `stamps` are by name, in units of `tick` ns.
+    `names` are the names of the clock and of the log. `stamps` are the time stamps by name, in
+    units of `tick` ns. Rows that miss a value, repeat a stamp or come late are left out. If
+    `linear`, values are interpolated, and not-a-number in gaps. Otherwise a value belongs to the
+    nearest sample, and not-a-number if this is farther than half of `gap_limit`. A RejectedLog is
+    raised if a clock starts again, or the two clocks share no time.
 
     Returns
     -------
     values : ndarray, shape (k, m)
+        Values at the time stamps of the clock.
     held : ndarray, shape (m,)
-        Stamp of the nearest sample.
+        Time stamp of the nearest sample.
     lost : str
         Words on the rows that were left out.
     """
@@ -159,4 +170,5 @@ def _onto(names, stamps, values, tick, linear):
 
 
 def _apart(names):
+    """Return the RejectedLog on two logs, given by name, whose time stamps share no time."""
     return RejectedLog(f"{names[1]} and {names[0]} share no time: their clocks differ")

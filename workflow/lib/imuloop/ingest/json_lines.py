@@ -14,10 +14,12 @@ from imuloop.ingest.text_layout import JSON_DOCUMENT, unpacked
 
 
 def read(paths, columns=None):
-    """Read JSON lines; a compressed file is unpacked.
+    """Return the RawLog of JSON lines; a compressed file is unpacked.
 
-    The members of an object in an object are `OBJECT.MEMBER`, the members of a list `LIST[0]` and
-    on. Columns are the members of the first rows; any other line than an object is a bad line.
+    The columns are the members of the objects in the first rows. A member of an object inside
+    another is the column ``OBJECT.MEMBER``, and the members of a list are ``LIST[0]``, ``LIST[1]``
+    and so on. A line that is not an object is a bad line. `columns` are the declared columns by
+    quantity.
     """
     size, lines = os.path.getsize(paths["log"]), unpacked(paths["log"]).splitlines()
     rows = [each for each in map(_members, islice(lines, HEAD_ROWS)) if each]
@@ -31,9 +33,9 @@ def read(paths, columns=None):
         if (row := _members(line)) is not None:
             writer.writerow([row.get(name, "") for name in names])
         elif line.strip():
-            # a row of one field, which no table of several has
+            # a row of a single field, which the reader of tables counts as a bad line
             writer.writerow(["?" * min(len(line), LONGEST_LINE)])
-        # each line has all names, however few of them it holds
+        # each line of the table has all columns: a damaged file may announce very many
         check_unpacked(size, table.tell())
     return delimited.read({"log": table.getvalue().encode()}, columns)
 
@@ -46,13 +48,13 @@ def holds_log(path):
 
 
 def are_objects(head):
-    """Tell whether the first two lines of a file are objects of JSON."""
+    """Tell whether the first two lines in `head`, the first bytes of a file, are JSON objects."""
     first = [line for line in head.splitlines() if line.strip()][:2]
     return len(first) == 2 and all(map(_members, first))
 
 
 def _members(line):
-    """Return name -> text of the members of a line that is an object, else None."""
+    """Return the texts of a JSON object by name of the member, a dict; None for another line."""
     if not line.lstrip().startswith(b"{") or len(line) > LONGEST_LINE:
         return None
     try:
@@ -64,7 +66,10 @@ def _members(line):
 
 
 def _flat(value, name=""):
-    """Give the name and text of each number or text in an object of JSON."""
+    """Yield the name and the text of each number or text in a JSON value.
+
+    `name` is the name of the value itself, empty for the whole object.
+    """
     if isinstance(value, dict):
         for key, member in value.items():
             yield from _flat(member, f"{name}.{key}" if name else key)

@@ -1,4 +1,4 @@
-"""Rows that are not what their columns say: gravity as the angular rate, a sample in two units.
+"""Two faults of rows: gravity in place of the angular rate, and a sample repeated in two units.
 
 Both tests use the values as logged, so that the declared units do not matter.
 """
@@ -13,16 +13,19 @@ from imuloop.core.units import FACTORS, STANDARD_GRAVITY
 # largest relative error of the length of gravity in a fusion filter's output, and of the ratio of
 # two units, both as rounding to two or three digits leaves it
 _NEAR = 0.01
-# least cosine of the angle between two vectors that count as parallel, and share of all rows that
-# look like gravity
+# two vectors count as parallel if the cosine of their angle exceeds this; a log holds gravity if
+# more than this share of its rows looks like gravity
 _MOST = 0.9
-# share of all rows that repeat the row before in another unit: one half of the rows if each is
-# written twice, fewer if only some are
+# a log is in two units if more than this share of its rows repeats the row before in another unit:
+# it is one half if each row is written twice, and less if only some are
 _REPEATED = 0.25
 
 
 def _compare(one, other):
-    """Return the lengths of two sets of vectors, (3, n), and the cosine of their angles, (n,)."""
+    """Return the lengths of two sets of vectors and the cosines of the angles between them.
+
+    Both sets are (3, n); each of the three results is (n,).
+    """
     length, other_length = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
     return length, other_length, (one * other).sum(axis=0) / (length * other_length)
 
@@ -32,7 +35,7 @@ def _compare(one, other):
 def is_gravity(raw):
     """Return whether the angular rate of most rows is the vector of gravity.
 
-    `raw` are the values of each channel as logged, (n,).
+    `raw` are the values of each channel as logged, (n,) by name.
     """
     # every eighth row is enough
     force, rate = (np.array([raw[axis][::8] for axis in axes]) for axes in SENSORS.values())
@@ -43,10 +46,11 @@ def is_gravity(raw):
 
 @np.errstate(all="ignore")
 def in_two_units(x, raw):
-    """Return the sensor, its two units and the number of rows that repeat the row before in them.
+    """Return the sensor with rows that repeat the row before in another unit, or None if few do.
 
-    Such rows have the time stamp of the row before, `x`, (n,), and its vector in another unit.
-    None if there are few.
+    The result is a dict of the ``sensor``, the two units, ``unit`` and ``other``, and the number
+    ``n`` of such rows. They have the time stamp of the row before and the same vector in another
+    unit. `x` are the time stamps, (n,), and `raw` the channels as logged, (n,) by name.
     """
     repeats = np.flatnonzero(x[1:] == x[:-1]) + 1
     for (sensor, axes), units in zip(SENSORS.items(), FACTORS.values(), strict=True):

@@ -1,8 +1,8 @@
 """Zips of text tables, as phones export them: phyphox and Sensor Logger.
 
 Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
-reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
-to standardise. Here all become specific force.
+reads z = -1. phyphox turns that into Android's convention; Sensor Logger does so only if the user
+asks it to standardise. The reader turns all into specific force.
 """
 
 import csv
@@ -25,20 +25,20 @@ from imuloop.ingest.streams import choose
 from imuloop.ingest.tables import read_pair
 from imuloop.ingest.text_layout import find_layout
 
-# of text tables in a zip
+# ends of the names of text tables in a zip
 _TABLES = FORMATS["csv"].endings + FORMATS["tsv"].endings
-# rows of phyphox's clock: separator, seconds of the experiment, seconds since 1970
+# a row of phyphox's clock: separator, seconds of the experiment, and seconds since 1970
 _STARTS = re.compile(rb'(?mi)^"?START"?([;,\t])([\d.,E+-]+?)\1([\d.,E+-]+?)\1')
-# tables of Sensor Logger with gravity, and their units from iOS
+# tables of Sensor Logger that include gravity, and their units in recordings of iOS
 _WITH_GRAVITY = {"accelerometeruncalibrated": "g", "totalacceleration": "m/s^2"}
 
 
 def read(paths, columns=None):
-    """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
+    """Return the RawLog of a zip by phyphox or Sensor Logger, or of one or two text tables.
 
-    Uncalibrated values go before those that the phone has corrected. Acceleration without gravity
-    is never taken by itself. `columns` names a file without the ending .csv, or three of
-    ``FILE.COLUMN``.
+    Uncalibrated values are preferred to values that the phone has corrected. Acceleration without
+    gravity is used only if it is declared. `columns` are the declared columns: for a sensor, the
+    name of a file without the ending .csv, or three of ``FILE.COLUMN``.
     """
     texts, facts, clock = _texts(paths["log"])
     tables = {}
@@ -81,8 +81,9 @@ def read(paths, columns=None):
 def _texts(path):
     """Return the text tables of a zip by name, facts about the recording, and its clock.
 
-    A CSV goes without its ending. Facts come from Sensor Logger's Metadata.csv, in lower case;
-    the clock is phyphox's meta/time.csv.
+    Tables are bytes; the name of a CSV lacks its ending. The facts, a dict of text in lower case,
+    come from Sensor Logger's Metadata.csv. The clock is phyphox's meta/time.csv, bytes. Facts and
+    clock are empty if the zip has none.
     """
     texts, about = {}, {"Metadata": b"", "time": b""}
     with zipfile.ZipFile(path) as archive:
@@ -90,7 +91,7 @@ def _texts(path):
         for info in archive.infolist():
             if info.filename.startswith("xl/") or info.filename == "content.xml":
                 raise RejectedLog(SPREADSHEET)
-            # splits at / as well
+            # a path of Windows splits at / as well
             place = PureWindowsPath(info.filename)
             ending = place.suffix.lower()
             if ending not in _TABLES or place.parts[0] == "__MACOSX" or place.name[0] == ".":
@@ -105,28 +106,34 @@ def _texts(path):
 
 
 def _usual(quantity, tables, logger):
-    """Return the names of the tables that look like a quantity's, the best alone."""
+    """Return the names of the tables that look like tables of a sensor, a list.
+
+    `quantity` is the quantity of the sensor, `tables` are the Layouts by name, and `logger` tells
+    whether they are from Sensor Logger. If some of these tables are uncalibrated, the others are
+    left out.
+    """
     found = []
     for name, table in tables.items():
         header = table.names if table.headed else []
         sensors = {q for q, usual in guess(header).items() if q in SENSORS and usual}
         if len(sensors) < 2:
             sensors = {named_sensor(" ".join([name, *header]))}
-        # in Sensor Logger's gravity is left out
+        # Sensor Logger's table of this name lacks gravity
         if quantity in sensors and not (logger and name.lower() == "accelerometer"):
             found.append(name)
     return [name for name in found if "uncal" in name.lower()] or found
 
 
 def _with_pauses(log, clock):
-    """Return the log with stamps that go on in the pauses, in which phyphox stops its clock.
+    """Return a RawLog with stamps that go on during pauses, in which phyphox stops its clock.
 
-    `clock` is its table of events: a name, seconds of the experiment, seconds since 1970.
+    `clock` is phyphox's table of events, bytes: a name, seconds of the experiment, and seconds
+    since 1970.
     """
     events = [[x.replace(b",", b".") for x in row[1:]] for row in _STARTS.findall(clock)]
     starts = np.array(events, dtype=float).reshape(-1, 2)
     begun = starts[:, 1] - starts[:, 0]
-    # one that is set back makes no pause
+    # a clock of the phone that is set back does not count as a pause
     late = np.maximum.accumulate(begun - begun[:1])
     if late.any():
         x = log.batch[STAMP].to_numpy(zero_copy_only=False)

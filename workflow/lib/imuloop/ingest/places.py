@@ -14,7 +14,7 @@ from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATU
 CONFIG, COMMAND_LINE, PYTHON = "config", "command line", "Python"
 _place = ContextVar("place", default=CONFIG)
 
-# both files of a log in two files
+# how a config declares a log in two files; `_PAIRS` has the same for other places
 PAIR = "file: {acceleration: FILE, angular_rate: FILE}"
 _PAIRS = {
     COMMAND_LINE: "acceleration=FILE,angular_rate=FILE",
@@ -69,13 +69,21 @@ def for_reader(text):
 
 
 def _option(path, value, form):
-    """Return the option of the command line for the groups of a match of `_KEY`, text."""
+    """Return the option of the command line for a key, text.
+
+    `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
+    value, or the name of a key with any value; a missing group is None.
+    """
     given = value.strip("[]").replace(", ", ",") if value else ""
     return f"--{path} {given}".rstrip() if path else f"--{form} "
 
 
 def _argument(path, value, form):
-    """Return the Python argument for the groups of a match of `_KEY`, text."""
+    """Return the Python argument for a key, text.
+
+    `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
+    value, or the name of a key with any value; a missing group is None.
+    """
     key, *inside = (path or form).split(".")
     if form or (key == "rate" and not value):
         return f"{form}=" if form else key

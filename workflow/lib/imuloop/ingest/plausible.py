@@ -1,10 +1,11 @@
-"""Whether a log fits its declaration: units, full scales, increments, milliseconds.
+"""Tests of whether a log fits its declared units and full scales, by gravity.
 
 Gravity checks both sensors without a calibration: its size is the specific force at rest, and its
-direction turns in the axes of the device as the gyroscope says. So each sensor has a `Ratio` of
-its reading to gravity, 1 in a good log. No sensor is off by a half. A ratio that differs
-from 1 is compared with the factors of all other `readings` of the log: another unit, another full
-scale, increments of velocity and angle. The nearest one within the error of the ratio is the cause.
+direction turns in the axes of the device as the gyroscope shows. So each sensor has a `Ratio` of
+its reading to gravity, which is 1 in a good log. No real sensor is off by a half. A ratio that
+differs from 1 is compared with the factors of all other `readings` of the log: another unit,
+another full scale, and increments of velocity and angle. The nearest factor within the error of the
+ratio is the cause.
 """
 
 from dataclasses import dataclass
@@ -17,23 +18,24 @@ from imuloop.core.units import FACTORS, INCREMENTS
 from imuloop.core.units import TIME as TIME_UNITS
 from imuloop.ingest.rests import measure_turns
 
-# the specific force at rest is gravity within the first factor, the mean of a log without rests
-# within the second
+# the specific force is plausible if it is gravity within the first factor at rest, and within the
+# second factor as the mean of a log without rests
 AT_REST, MOVING = 1.25, 2.0
-# error of a ratio by a bias of a tenth of g or a scale error; and the largest error of use. Turns
-# inside moves have it where the axes of both sensors agree better than a hand's accelerations allow
+# relative error of a ratio by a bias of a tenth of g or a scale error; the largest error of a ratio
+# that is used, which turns inside moves have; these are used if the axes of both sensors agree by
+# more than the third number, as accelerations by the hand lower the agreement
 NEAR, MOST_ERROR, AGREEMENT = 0.1, 0.15, 0.9
 # full scales of a sensor differ by powers of two
 FULL_SCALES = (2, 4, 8, 16, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
-# step of the specific force that needs a turn, as a share of gravity
+# the specific force jumps if a step without a turn exceeds this share of gravity
 MOST_JUMP = 0.05
-# fastest usual log, and slowest in whole seconds, Hz
+# rate of the fastest usual log, and least usual rate with stamps in whole seconds, Hz
 MOST_RATE, LEAST_RATE = 1e4, 0.7
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """How a sensor's reading compares with gravity.
+    """The ratio of a sensor's reading to gravity.
 
     The ratio of the reading to gravity has a `value`, a relative `error`, and `words`. It is the
     specific force over gravity's magnitude, or the turns by the angular rate over the turns of
@@ -53,16 +55,20 @@ class Ratio:
         return np.isfinite(self.value) and not 1 / self.most <= self.value <= self.most
 
     def nearest(self, known, error=None):
-        """Return the words of the nearest of the `known` readings within the error, else None."""
+        """Return the words of the nearest reading if it is within the relative error, else None.
+
+        `known` are readings, a list of (factor, words). `error` replaces the error of the ratio.
+        """
         distances = [(abs(np.log(self.value / factor)), words) for factor, words in known]
         distance, words = min(distances, default=(inf, None))
         return words if distance <= np.log(1 + (error or self.error)) else None
 
 
 def readings(e, quantity, kind):
-    """Return by how much a log is off if it is read wrongly, a list of (factor, words).
+    """Return the factors by which wrong readings of a log are off, a list of (factor, words).
 
-    The `kind` is "unit", "full scale" or "increments". `e` is the `checks.Evidence`.
+    `e` is the `checks.Evidence` on the log. A wrong reading takes the `quantity` in another unit,
+    at another full scale, or as increments: `kind` is "unit", "full scale" or "increments".
     """
     unit, nominal = e.units[quantity], f"nominal.{quantity}.scale"
     counts = unit.name == "count"
@@ -81,18 +87,18 @@ def readings(e, quantity, kind):
 
 
 def ratio_of(e, quantity):
-    """Return the Ratio of a sensor by the `Evidence` of a log, None if the log does not show it."""
+    """Return the Ratio of a sensor by the `Evidence` on a log, or None if the log shows none."""
     return force_ratio(e) if quantity == "acceleration" else turn_ratio(e.figures)
 
 
 def force_ratio(e):
-    """Return the Ratio of the specific force to gravity, at rest where the log has rests."""
+    """Return the Ratio of the specific force to gravity, at rest if the `Evidence` has rests."""
     rests, faults = e.faults["rests"], e.faults
     force, where, most = e.figures["mean_specific_force"], "mean specific force", MOVING
     cut = bool(e.figures["constant"]) or not rests
     if rests:
         (low, force, high), where, most = rests["force"], "specific force at rest", AT_REST
-        # an axis that is dead, stuck or clipped takes its part of gravity away
+        # an axis that is dead, stuck or clipped lacks a part of gravity
         stuck, clipped = faults["stuck"], faults["clipped_at"]
         cut = cut or any(stuck[n]["stretches"] or clipped[n]["rows"] for n in stuck)
         cut = cut or high >= 1.5 * low
@@ -101,7 +107,10 @@ def force_ratio(e):
 
 
 def turn_ratio(figures):
-    """Return the Ratio of turns by the gyroscope to turns of gravity, if the log has any."""
+    """Return the Ratio of turns by the gyroscope to turns of gravity.
+
+    `figures` are the quality figures. The result is None if the log shows no turns.
+    """
     axes, rests, clipped = (figures["faults"][key] for key in ("axes", "rests", "clipped_at"))
     words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
     # a step of the force looks like a turn
@@ -109,7 +118,7 @@ def turn_ratio(figures):
         return None
     if turns := rests and rests["turn_ratio"]:
         value, words = turns["value"], f"{words}, over {turns['moves']} moves from rest to rest"
-        # three standard errors
+        # three standard errors, with a least error
         error = max(NEAR / 2, 3 * turns["std"] / value)
     elif axes and axes["ratio"] and axes["best"] > AGREEMENT:
         value, error = axes["ratio"], MOST_ERROR
@@ -132,7 +141,7 @@ def _jumps(rests):
 
 
 def jump_of_force(e):
-    """Return the figures of rests if the specific force has a step without a turn."""
+    """Return the figures of rests if the specific force has a step without a turn, else false."""
     return _jumps(e.faults["rests"]) and is_live(e.figures) and e.faults["rests"]
 
 
@@ -145,7 +154,7 @@ def increments(e):
     force, turns = ratios.values()
     if not (force.is_off and turns and turns.error <= MOST_ERROR):
         return None
-    # the mean of a moving log is gravity within a factor only
+    # the mean force of a log without rests is gravity only within a factor
     errors = {"acceleration": NEAR if e.faults["rests"] else 0.5, "angular_rate": turns.error}
     found, units = (
         [ratio.nearest(readings(e, q, kind), errors[q]) for q, ratio in ratios.items()]
@@ -158,7 +167,7 @@ def increments(e):
 
 
 def cause(e, quantity):
-    """Return the unit, full scale or counts that a sensor looks like if it is off, as text."""
+    """Return words on the unit, full scale or counts that explain a sensor that is off, or None."""
     ratio, unit = ratio_of(e, quantity), e.units[quantity]
     if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):
         return None
@@ -173,15 +182,15 @@ def cause(e, quantity):
 
 
 def size_of_force(e):
-    """Return the words on a specific force that is off by no known factor, before the remedy."""
+    """Return words on a specific force that is off, to be followed by the remedy, or false."""
     ratio = force_ratio(e)
-    # another full scale would leave more
+    # another full scale would leave a larger force
     why = ": has gravity been removed from the log, or does it hold increments per sample? If not, "
     return ratio.is_off and ratio.words + (why if ratio.value < 0.3 else "; ")
 
 
 def scale_of_rate(e):
-    """Return the words on an angular rate that is off by no known factor."""
+    """Return words on an angular rate that is off, or a false value."""
     ratio = turn_ratio(e.figures)
     off = ratio and ratio.is_off and not ratio.is_cut
     return off and f"{ratio.words}: its scale is off by as much"
@@ -193,7 +202,7 @@ def milliseconds(columns, figures, stamps, rate=None):
     Parameters
     ----------
     columns, figures : dict
-        Columns of the samples, and their quality figures.
+        Columns of the samples by name, with times in seconds, and their quality figures.
     stamps : array_like, shape (n,)
         Time stamps, s.
     rate : float, optional
@@ -208,7 +217,7 @@ def milliseconds(columns, figures, stamps, rate=None):
     if rate:
         if rate > in_seconds * factor / 2:
             why = f"the declared rate is {rate / in_seconds:,.0f} times the rate in seconds"
-    # from the ratio of a good log to the ratio of a log in deg/s, taken as rad/s
+    # in ms the ratio is 1 in a good log, and 57 if the rate is in deg/s, taken as rad/s
     elif ratio and 0.2 < ratio.value < 100:
         times = float(f"{ratio.value * factor:.2g}")
         why = f"turns measured by the gyroscope are {times:,.0f} times those of gravity"

@@ -1,12 +1,13 @@
-r"""A local clock made GNSS time through marks, one pulse per second (1PPS).
+r"""A local clock becomes GNSS time through marks of one pulse per second (1PPS).
 
-Between the marks before and after a sample,
+The GNSS time of a sample between two marks is
 
 .. math:: t_2 = t_1 + (C_2 - C_1)\,s + b_t \frac{C_2 - C_1}{C_3 - C_1}, \qquad
           b_t = (t_3 - t_1) - (C_3 - C_1)\,s
 
-with the local counter C of a nominal s seconds a tick, 1e-6 for microseconds, and t the GNSS time
-of the marks: the local clock's error over the interval is spread evenly over it.
+The index is 1 at the mark before, 2 at the sample, and 3 at the mark after. C is the local counter,
+t is GNSS time, and s is the nominal time of a tick, 1e-6 s for microseconds. The error of the local
+clock over the interval, b_t, is spread evenly over it.
 """
 
 from dataclasses import dataclass
@@ -23,11 +24,12 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# largest error of the rate of a local clock, s/s, and of a mark against its neighbours, s
+# largest error of the rate of a local clock, s/s; and largest distance of a mark from the line
+# through its neighbours, s
 MOST_OFF = 500e-6
-# marks whose median a mark is compared with, itself among them
+# a mark is compared with the median of this number of marks, itself among them
 _NEIGHBOURS = 11
-# GNSS time of a mark is a whole second, but for its rounding, s
+# largest distance of the GNSS time of a mark from a whole second, by rounding, s
 _WHOLE = 1e-3
 _WEEK = 604_800
 
@@ -42,27 +44,35 @@ class Timeline:
     figures: dict  # the entry on marks in quality.json
 
     def at(self, x):
-        """Return GNSS time from the first mark, s, at counters of shape (n,)."""
+        """Return GNSS time from the first mark, s, (n,), at the counters x, (n,)."""
         i = np.clip(np.searchsorted(self.counters, x, side="right") - 1, 0, len(self.counters) - 2)
         # s + b/(C3 - C1) is the slope from mark to mark
         slope = np.diff(self.seconds) / np.diff(self.counters)
         return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
-        """Return the moment of GNSS time from the first mark, ns since 1970; None if not dated."""
+        """Return a moment, given in seconds of GNSS time from the first mark, as ns since 1970.
+
+        The result is None if the marks have no date.
+        """
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
     def figures_beside(self, seconds):
-        """Return the figures, and how many of some GNSS times lie before and after the marks."""
+        """Return the figures of the marks, and the numbers of rows before and after them, a dict.
+
+        `seconds` are the GNSS times of rows from the first mark, s, (n,).
+        """
         outside = {"before": seconds < 0, "after": seconds > self.seconds[-1]}
         return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
 def find_timeline(rows, path=None):
-    """Return GNSS time over the counter of a log, the mended time stamps of its `Rows`.
+    """Return the Timeline of a log: GNSS time over the local counter.
 
-    Marks are the declared columns ``counter`` and ``time`` of `pps`, of the log, or of the text
-    table at `path`, by default its first two. Marks that do not fit the log reject it.
+    The counter is the mended time stamps of the log's `rows`, a `Rows`. The marks are in the
+    columns ``counter`` and ``time`` that the key ``pps`` declares. These are columns of the log,
+    or of the text table at `path`, by default its first two columns. Raises an ImuloopError if the
+    log cannot have marks, and a RejectedLog if the marks do not fit the log.
     """
     columns, fault = rows.declared.pps, None
     if not (path or rows.log.found.get("pps")):
@@ -92,7 +102,10 @@ def find_timeline(rows, path=None):
 
 
 def _align(counters, rows):
-    """Return counters of marks, (n,), in line with the mended ones of a log's `Rows`."""
+    """Return the counters of n marks, (n,), without roll-overs, on the counter of a log's `Rows`.
+
+    Roll-overs are mended as in the log. Raises a RejectedLog if the counter starts again.
+    """
     width, own = rows.clock.span_in(rows.tick), rows.x[rows.usable]
     if width:
         counters = np.unwrap(counters, period=width)
@@ -102,7 +115,7 @@ def _align(counters, rows):
         if clock.resets:
             raise RejectedLog("1PPS: the counter of the marks starts again")
         width = clock.span_in(rows.tick)
-    # whole spans apart, where one began a span later
+    # marks and log may have begun in different spans of the counter: they are whole spans apart
     middle = (own.min() + own.max() - counters[0] - counters[-1]).item() / 2
     return counters + round(middle / width) * width if width else counters
 
@@ -110,12 +123,14 @@ def _align(counters, rows):
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _fit_timeline(counters, times, dated, rows):
-    """Return GNSS time over the counter, through the marks that can be used.
+    """Return the Timeline through the marks that can be used.
 
-    Marks are rejected that are not whole seconds, or that are more than `MOST_OFF` s away from the
-    line through their neighbours. The longest stretch is used in which the rate of the
-    local clock is off by at most `MOST_OFF`. `counters` have no roll-over, `times` are s, or
-    ns where `dated`; `rows` are the `Rows` of the log.
+    A mark is rejected if its time is not a whole second, or if it is more than `MOST_OFF` s away
+    from the line through its neighbours. Only the longest stretch is used in which the rate of the
+    local clock is off by at most `MOST_OFF`. `counters` are the counters of the marks without
+    roll-overs, (n,). `times` are their GNSS times, (n,), in ns since 1970 if `dated`, else in s.
+    `rows` are the `Rows` of the log. Raises a RejectedLog if no two marks fit together, or marks
+    and log share no time.
     """
     given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
     whole = np.abs(t - np.rint(t)) <= _WHOLE
@@ -123,7 +138,7 @@ def _fit_timeline(counters, times, dated, rows):
         whole &= np.abs(times - np.rint(times)) <= _WHOLE
     counters, times, t = counters[whole], times[whole], np.rint(t[whole])
     if not dated:
-        # time of week
+        # the time of the week starts again after a week
         t = np.unwrap(t, period=_WEEK)
     local = (counters - counters[:1]) * rows.scale
     rate = np.diff(local) / np.diff(t)
@@ -151,7 +166,7 @@ def _fit_timeline(counters, times, dated, rows):
 
 
 def warnings(done):
-    """Return the line on a clock by marks, from their figures, if there are any."""
+    """Return the line on a clock by marks, a list, empty if their figures `done` are None."""
     if not done:
         return []
     drift, outside = done["drift_ppm"], done["before"] or done["after"]

@@ -25,13 +25,13 @@ from imuloop.ingest.channel import Channel
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 from imuloop.ingest.rests import measure_turns
 
-# longest list of gaps; all gaps are counted
+# most gaps in the list of gaps; all gaps are counted
 LISTED_GAPS = 50
-# samples at this share of the declared full scale and beyond are clipped
+# a sample is clipped if it reaches this share of the declared full scale
 CLIPPED_SHARE = 0.98
 # shortest gap in which a device may be turned, s
 TURN_GAP = 0.2
-# no sensor is faster, Hz: stamps of a damaged file may lie 1e-300 s apart
+# rate above any sensor, Hz: stamps of a damaged file may lie 1e-300 s apart
 FASTEST = 1e9
 
 
@@ -45,7 +45,7 @@ def measure(columns, raw_units, full_scale=None):
     Parameters
     ----------
     columns : dict of str to array
-        Samples by column.
+        Samples, (n,) each, by name of the column.
     raw_units : dict of str to RawUnit
         Unit of each sensor in the log by quantity.
     full_scale : dict, optional
@@ -54,8 +54,8 @@ def measure(columns, raw_units, full_scale=None):
     Returns
     -------
     dict
-        A figure is None if the rows do not give it. ``isolated`` holds the rows and the channel
-        numbers of the spikes to be dropped, two arrays (k,).
+        A figure is None if the rows do not show it. ``isolated`` has the rows and the channel
+        numbers of k spikes to be dropped, two arrays of shape (k,).
     """
     t, scales = columns[TIME], full_scale or {}
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in columns]
@@ -66,7 +66,7 @@ def measure(columns, raw_units, full_scale=None):
             for q, axes in QUANTITIES.items()
             for n in axes
         },
-        # one row changes nothing
+        # in a single row no channel can change
         "constant": [n for n, ends in ranges.items() if len(t) > 1 and ends and not np.ptp(ends)],
         "range": ranges,
         "quantisation_step": {name: quantisation_step(columns[name]) for name in names},
@@ -85,16 +85,16 @@ def measure(columns, raw_units, full_scale=None):
 
 
 def _mean_size(columns, axes):
-    """Return the mean magnitude of the vectors in the columns `axes`, None of an empty log."""
+    """Return the mean magnitude of the vectors in the columns `axes`; None for an empty log."""
     x = [columns[name] for name in axes]
-    # in parts, which need little memory
+    # the sum goes part by part, which needs little memory
     parts = [slice(i, i + ROWS) for i in range(0, len(x[0]), ROWS)]
     sizes = [np.sqrt(sum(axis[part] ** 2 for axis in x)).sum() for part in parts]
     return float(sum(sizes) / len(x[0])) if sizes else None
 
 
 def time_figures(t):
-    """Return the figures of the steps of time stamps, (n,) s, as in quality.json."""
+    """Return the figures of the steps of times t, s, (n,), a dict as in quality.json."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     jitter = {"std_s": None, "max_s": None}
     figures = {"rows": len(t), "duration_s": 0.0, "rate_hz": None, "jitter": jitter, "gaps": gaps}
@@ -125,14 +125,14 @@ def _range(x):
 
 
 def quantisation_step(x):
-    """Return the smallest step between values of a channel, None where most are distinct."""
-    # the first part of a long log is enough
+    """Return the smallest step between values of x, (n,), or None if most values are distinct."""
+    # only the first part of a long log is used
     x = x[:ROWS][np.isfinite(x[:ROWS])]
     levels = np.sort(pd.unique(x))
     if not 2 <= len(levels) <= len(x) / 2:
         return None
     steps = np.diff(levels)
-    # closer than rounding of the conversion to SI is the same value
+    # values that differ by the rounding of the conversion to SI are the same value
     steps = steps[steps > 1e-12 * np.abs(levels).max()]
     return float(steps.min()) if len(steps) else None
 
@@ -140,8 +140,8 @@ def quantisation_step(x):
 def _faults(columns, names, zeros, figures):
     """Return the figures ``faults``, ``isolated`` and, with two clocks, ``slower`` of samples.
 
-    `names` are the channels among the `columns`, `zeros` the values of zero counts by channel, and
-    `figures` the other quality figures.
+    `names` are the names of the channels among the `columns`. `zeros` are the SI values of raw
+    zeros by channel, and `figures` are the other quality figures.
     """
     t, x = columns[TIME], {name: columns[name] for name in names}
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
@@ -179,7 +179,7 @@ def _faults(columns, names, zeros, figures):
         alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
         alone = alone if alone > channel.OFTEN * len(is_zero) else 0
         for name, c in channels.items():
-            # a silent channel is not stuck, and a saturated one not at the end of its range
+            # neither a silent channel nor a saturated channel at an end of its range is stuck
             ends = clipped[name]["values"]
             stuck = [run for run in c.stuck if name not in silent and c.x[run[0]] not in ends]
             faults["failed_reads"][name] = alone or c.failed_reads
@@ -208,7 +208,8 @@ def _faults(columns, names, zeros, figures):
 def _isolated(x, steps, at, names):
     """Return the rows and the channel numbers of the spikes in the channels `names`, (2, k).
 
-    `at` are the rows with a new sample. A spike counts in all rows that hold it.
+    `x` are the channels and `steps` their quantisation steps, by name. `at` are the rows with a new
+    sample. A spike counts in all rows that hold it.
     """
     found = spikes.isolated([x[n][at] for n in names], [steps[n] for n in names])
     edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
@@ -218,7 +219,11 @@ def _isolated(x, steps, at, names):
 
 
 def _stuck(runs, t, rate):
-    """Return the figure ``stuck`` of a channel by its stuck runs, (first row, rows) each."""
+    """Return the figure ``stuck`` of a channel, a dict.
+
+    `runs` are the stuck runs, a list of (first row, number of rows). `t` are the times of the rows,
+    s, (n,), and `rate` is their rate, Hz.
+    """
     spans = [[t[i].item(), t[i + n - 1].item()] for i, n in runs]
     return {
         "stretches": len(runs),
@@ -232,9 +237,9 @@ def _stuck(runs, t, rate):
 def rails(figures, full_scale=None):
     """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
 
-    The true value of such a sample lies at the end or beyond. The ends are the declared
-    `full_scale`, else the repeated extreme values in the `figures`; None for an end that no sample
-    reaches.
+    The true value of a sample at an end lies at the end or beyond. If clipped samples reach the
+    declared `full_scale`, both ends are at its share `CLIPPED_SHARE`. Otherwise they are the
+    saturated ends in the `figures`, with None for an end that is not saturated.
     """
     ends, found = {}, figures["faults"].get("clipped_at", {})
     for name, limits in figures["range"].items():

@@ -1,4 +1,4 @@
-"""A log as it was written: what each reader gives."""
+"""A log as it was written, the result of each reader."""
 
 from dataclasses import dataclass, field
 
@@ -13,15 +13,17 @@ from imuloop.ingest.spellings import AXES, SENSORS
 class RawLog:
     """A log as it was read.
 
-    `batch` are its rows, with the columns `stamp` (int64, float64 or timestamp[ns];
-    absent without a time column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`)
-    and, where `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its
-    columns, and to the unit that the file states, `nominal` a sensor to the scale of its counts, as
-    in the config, where the file states that; `columns` lists all columns, `unread` is how many of
-    a table's are not read, `notes` say how the file was read. `lost_bytes` are those in
-    `bad_lines`, `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is
-    the sensor, of two with different clocks, whose samples are put into the rows of the other: its
-    stamps are the column `held` then; `sensor_ids`, by sensor, are number and slot in an autopilot.
+    `batch` has the rows. Its columns are `stamp` (int64, float64 or timestamp[ns]; absent without a
+    time column), `ax ay az gx gy gz` (float64, raw units; a log of one sensor has only its axes),
+    and `temperature` if it is logged (float64, raw unit). `found` has the names of the columns of
+    each quantity, and `units` the units that the file states. `nominal` has the scale of the counts
+    of each sensor, as in the config, if the file states it. `simulated` tells whether the log is
+    simulated. `columns` lists all columns, text, and `unread` is the number of columns that are not
+    read. `notes` are lines on how the file was read. `bad_lines` is the number of lines that cannot
+    be read, and `lost_bytes` the number of bytes in them. `text_bytes` is the number of bytes in
+    all lines, without blanks and unwritten memory. If two sensors have different clocks, `slower`
+    is the sensor whose samples are put into the rows of the other; the column `held` has its
+    stamps. `sensor_ids` has the device id and the slot of each sensor in an autopilot.
     """
 
     batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))
@@ -44,17 +46,18 @@ class RawLog:
         return TEMPERATURE in self.found
 
     def lose(self, count):
-        """Add the bad lines and the bytes of a part of the log that was counted by itself."""
+        """Add the bad lines and the bytes of `count`, a RawLog that counts a part of the log."""
         self.bad_lines += count.bad_lines
         self.lost_bytes += count.lost_bytes
         self.text_bytes += count.text_bytes
 
 
 def absent_sensor(log, columns):
-    """Return the quantity that a log of one sensor lacks, None of both sensors.
+    """Return the quantity of the sensor that a RawLog lacks, or None if it has both sensors.
 
-    It was not logged where `columns`, as declared, say so by None, or where the table has fewer
-    further columns than axes; else the ImuloopError says that its columns are not known.
+    A sensor was not logged if it is None in the declared `columns`, or if the table has fewer
+    unread columns than a sensor has axes. Otherwise its columns are not known, and an ImuloopError
+    is raised.
     """
     lacks = [quantity for quantity in SENSORS if quantity not in log.found]
     for quantity in lacks:

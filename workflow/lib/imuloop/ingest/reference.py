@@ -16,33 +16,35 @@ from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
-# s, step in which the clocks are compared
+# step of the grid on which the clocks are compared, s
 STEP = 0.01
-# m; least leap of a place, and how many times what neighbours usually differ by
+# a place leaps if its distance from the median of its neighbours exceeds `LEAP`, m, and `TIMES`
+# times the usual distance
 LEAP, TIMES = 0.02, 8.0
-# rad; a marker that is taken for another turns the body by more, compared with the median over
-# this time, s
+# markers are swapped if the attitude is farther than `SWAPPED`, rad, from its running median over
+# `BLOCK`, s
 SWAPPED, BLOCK = 0.2, 2.0
 
 
 def beside(samples, files, declared, session, counts):
-    """Return a reference at the samples' instants; its figures; and why it cannot be used, if so.
+    """Return a reference at the instants of the samples, its figures, and reasons against its use.
 
-    It has the columns `ORIENTATION` (body to world) and `POSITION`, not-a-number where the
-    reference was lost; none if it cannot be used.
+    The first result has the columns `ORIENTATION` (body to world) and `POSITION`, (n,) each, a dict
+    by name. They are not-a-number where the reference was lost. The dict is empty if there are
+    reasons, a list of str, why the reference cannot be used.
 
     Parameters
     ----------
     samples : dict
         Columns of the session's samples.
     files : dict
-        Path of each file by its role; without ``reference`` it is the log that holds it.
+        Path of each file by its role; without the role ``reference``, the log holds the reference.
     declared, session : dict
         Keys of the config about the reference and about the log: ``format``, ``columns``,
         ``units``, ``convention``, ``rate``.
     counts : Counts
-        When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``; and the first
-        stamp, ``origin``.
+        Counts of the log, for the time of the first sample, ``start_ns`` (if stamps are dates) and
+        ``begin_s``, and for the first stamp, ``origin``.
     """
     t = samples[TIME]
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
@@ -64,10 +66,11 @@ def beside(samples, files, declared, session, counts):
 
 
 def read_series(path, log_format, columns):
-    """Return the stamps of a table, if it has any, and numbers in columns of a reference, (n, k).
+    """Return the stamps of a table, an Arrow array or None, and the numbers of a reference, (n, k).
 
-    `columns` are as declared, ``time``, ``orientation`` and ``position``; the numbers of
-    ``orientation`` come first. Sensors are not read.
+    `path` is the path of the table, and `log_format` the name of its format or None. `columns` are
+    the declared columns ``time``, ``orientation`` and ``position``. The k numbers of a row are the
+    quaternion, then the place. Sensors are not read.
     """
     read = find_format(log_format, {"log": path})[1]
     others = {
@@ -84,7 +87,12 @@ def read_series(path, log_format, columns):
 
 
 def _read(files, declared, session, counts):
-    """Return the Reference as it is in the file, its clock from the first sample, and figures."""
+    """Return the Reference as it is in its file, with times from the first sample, and figures.
+
+    `files` are the paths by role. `declared` and `session` are the keys of the config about the
+    reference and about the log, and `counts` are the Counts of the log. Raises an ImuloopError for
+    a declaration that does not fit.
+    """
     file, units = files.get("reference", files.get("log")), declared.get("units") or {}
     same = str(file) == str(files.get("log"))
     own_time = (session.get("columns") or {}).get("time")
@@ -108,7 +116,7 @@ def _read(files, declared, session, counts):
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
-            # stamps of one clock begin where the log's do
+            # stamps of the same clock are counted from the first stamp of the log
             start = counts.origin * float(NANOSECONDS.get(own_unit, 1)) / 1e9
         t = t - start
     q, p = values[:, :4], np.full((len(values), 3), np.nan)
@@ -130,10 +138,12 @@ def _read(files, declared, session, counts):
 
 
 def _on_clock(reference, t, w):
-    """Return the reference on the samples' clock, and its offset, s, at which rates agree best.
+    """Return the Reference on the clock of the samples, and the offset that was added, s.
 
-    `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). The clocks
-    are one where the best offset is below `COMPARED`; the diagnosis finds the rest of it.
+    At the offset the magnitudes of the angular rates of reference and samples agree best. `t` are
+    the times of the samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). If the offset is
+    at most `COMPARED`, both have the same clock and 0 is added; the diagnosis estimates such an
+    offset.
     """
     # loaded late, as few logs have a reference
     from scipy.signal import correlate, correlation_lags
@@ -159,10 +169,12 @@ def _on_clock(reference, t, w):
 
 
 def _without_jumps(reference, t, w, frame):
-    """Return the reference without swaps of markers and leaps, and how much was cut.
+    """Return the Reference without swaps of markers and leaps of places, and figures on them.
 
-    With G the attitude by the gyroscope, q Gᵀ drifts slowly; while one marker is taken for another
-    it is off its running median over `BLOCK` s.
+    Let q be the attitude of the reference and G the attitude by the gyroscope. Then q Gᵀ drifts
+    slowly. While one marker is taken for another, q Gᵀ is off its running median over `BLOCK` s.
+    `t` are the times of the samples, s, (n,), `w` their angular rates, rad/s, (n, 3), and `frame`
+    rotates from the axes of the sensor to the axes of the reference.
     """
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
@@ -177,7 +189,7 @@ def _without_jumps(reference, t, w, frame):
     away = away > 2**1.5 * np.sin(SWAPPED / 2)
     cut = np.zeros(len(reference.t), bool)
     cut[at[away]] = True
-    # a place that lies off the median of its neighbours
+    # a place leaps if it lies off the median of its neighbours
     known = np.flatnonzero(np.isfinite(reference.p[:, 0]) & ~cut)
     p = reference.p[known]
     off = np.linalg.norm(p - median_filter(p, (5, 1)), axis=1)
@@ -190,13 +202,18 @@ def _without_jumps(reference, t, w, frame):
 
 
 def _noise(reference):
-    """Return the white noise of attitude, rad, and of place, m or null, by third differences.
+    """Return the standard deviation of white noise of attitude, rad, and of place, m or None.
 
-    Of white noise σ they have the variance 20 σ²; motion is smooth over three steps.
+    The result is a dict. White noise with the standard deviation σ gives third differences the
+    variance 20 σ²; motion is smooth over three steps and adds little.
     """
 
     def size(known, difference):
-        """Return σ by the median over four evenly spaced samples in a row, if there are any."""
+        """Return σ from the median of third differences, or None if there are none.
+
+        Each is over four evenly spaced samples. `known` is the mask of usable samples, and
+        ``difference(a, b)`` returns the change from samples a to samples b, (k, 3).
+        """
         at = np.flatnonzero(known)
         steps = np.diff(reference.t[at])
         if len(steps) < 3:

@@ -20,31 +20,32 @@ from imuloop.core.sphere import count_attitudes
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
 
-# length of a window, and of the means in it, s
+# length of a window, and length of the means in it, s
 WINDOW, FINE = 0.5, 0.04
-# variance of a quiet window, as a multiple of the least twentieth of all variances
+# a window is quiet if its variance is at most this multiple of the 5 % quantile of all variances
 QUIET = 10.0
 # largest turn of gravity from window to window of a stop, rad
 STILL = 0.02
 # least turn of gravity in a move, rad, and longest move, s
 LEAST_TURN, LONGEST_MOVE = 0.35, 20.0
-# moves that a scale needs, and moves of a long log that are used
+# least number of moves for a scale, and most moves of a long log that are used
 LEAST_MOVES, MOST_MOVES = 3, 64
-# scales that are tried, as multiples of a guess; a move is left out if its best scale leaves more
-# than this share of its turn
+# scales that are tried, as multiples of a guess; a move is left out if with its best scale the
+# residual exceeds this share of its turn
 NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
 # least angle between two attitudes, rad
 APART = 0.17
-# most windows between the two stops of a jump of the force, and the least jump as a multiple of the
-# turn of gravity that the angular rate explains
+# the force jumps between two windows of stops if at most this number of windows lies between them,
+# and if it changes by more than this multiple of the change that the angular rate explains
 WINDOWS_BETWEEN, UNTURNED = 3, 5.0
 
 
 def measure_turns(x, rate, t, gaps=()):
     """Return the figures `axes` and `rests` in quality.schema.yaml.
 
-    `x` are the channels, (n,) by name, `rate` is their rate, Hz, `t` the time of each row, s, (n,),
-    and `gaps` the rows before gaps.
+    The first is about the axes of the sensors, the second about the stops. `x` are the channels,
+    (n,) by name, `rate` is their rate, Hz, `t` are the times of the rows, s, (n,), and `gaps` are
+    the rows before gaps.
     """
     rows = max(round(FINE * rate), 1)
     parts = [x[name][: len(t) // rows * rows].reshape(-1, rows) for name in CHANNELS]
@@ -60,7 +61,7 @@ def angle_between(u, v):
 
 
 def measure_rests(means, rows, step, t, gaps, guess=None):
-    """Return the figures of the stops, `rests` in quality.schema.yaml, if the log has any stop.
+    """Return the figures of the stops, `rests` in quality.schema.yaml; None if there is no stop.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     gaps : array_like of int
         The rows before gaps.
     guess : float, optional
-        Scale of the angular rate by turns inside moves.
+        Scale of the angular rate, estimated from turns inside moves.
     """
     fine = max(round(WINDOW / step), 4)
     count, width = means.shape[1] // fine, fine * rows
@@ -81,7 +82,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     known = np.isfinite(spread) & np.isfinite(turning.sum(axis=0)) & (size > 0)
     if count < 2 or not known.any():
         return None
-    # rounding gives a force that does not change a small variance
+    # by rounding, the variance of a constant force is small, not zero
     floor = 1e-20 * (size[known] ** 2).min()
     quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
     u = centre / np.where(known, size, 1.0)
@@ -89,7 +90,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     rests = stretches_of(together) + np.array([0, 1])
     if not len(rests):
         return None
-    # the windows of stops
+    # indices of the windows in stops
     at = np.flatnonzero(np.append(together, False) | np.append(False, together))
     bias = np.median(turning[:, at], axis=1)
 
@@ -106,7 +107,7 @@ def measure_rests(means, rows, step, t, gaps, guess=None):
     ratio = turn_ratio(moves[:: len(moves) // MOST_MOVES + 1], NEAR * (guess or 1.0))
     scale = ratio["value"] if ratio else guess or 1.0
 
-    # from each window of a stop to the next one, if it is near
+    # pairs of a window of a stop and the next such window, if it is near
     i, j = at[:-1], at[1:]
     i, j = i[j - i <= WINDOWS_BETWEEN + 1], j[j - i <= WINDOWS_BETWEEN + 1]
     speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * step / scale
@@ -137,15 +138,16 @@ def turn_ratio(moves, scales):
     Parameters
     ----------
     moves : list of tuple
-        Directions of gravity before and after, (3,), and rotation vectors between, (n, 3) rad.
+        Directions of gravity before and after the move, (3,), and the rotation vectors between
+        them, rad, (n, 3).
     scales : array_like, shape (s,)
         Scales that are tried.
 
     Returns
     -------
     dict or None
-        `value`, the median of the moves, its standard error `std`, and `moves`, their number. None
-        if too few moves have a scale.
+        `value`, the median of the scales of the moves, its standard error `std`, and the number
+        `moves` of moves with a scale. None if too few moves have one.
     """
     found = np.log([k for move in moves if (k := _scale(*move, scales))])
     if len(found) < max(LEAST_MOVES, len(moves) / 2):
@@ -159,10 +161,11 @@ def turn_ratio(moves, scales):
 
 
 def _scale(before, after, steps, scales):
-    """Return the scale that turns gravity over a move from before to after, None if none does.
+    """Return the scale with which a move turns gravity from `before` to `after`, or None.
 
-    `before` and `after` are directions, (3,), `steps` the rotation vectors between, (n, 3) rad, and
-    `scales` those that are tried, (s,).
+    `before` and `after` are directions of gravity, (3,). `steps` are the rotation vectors between
+    them, rad, (n, 3). `scales` are the scales that are tried, (s,). The result is None if the best
+    of these is the first or last one, or leaves more than `MOST_LEFT` of the turn.
     """
     turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
     left = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2

@@ -15,11 +15,11 @@ from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
 
 _ENDINGS, _STARTS = FORMATS["ros"].endings, FORMATS["ros"].starts
-# ends of the names of SQLite's files beside a bag whose recording was cut off
+# ends of the names of files of SQLite next to a bag whose recording was cut off
 _UNWRITTEN = ("-wal", "-journal")
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
-# vectors of each type of message that is read; other types are passed over
+# fields that are vectors, for each type of message that is read; other types are not read
 _VECTORS = {
     "sensor_msgs/msg/Imu": ("linear_acceleration", "angular_velocity"),
     "geometry_msgs/msg/Vector3Stamped": ("vector",),
@@ -28,15 +28,16 @@ _VECTORS = {
 }
 _FIELDS = {k: [f"{v}.{axis}" for v in vectors for axis in AXES] for k, vectors in _VECTORS.items()}
 _FIELDS["sensor_msgs/msg/Temperature"] = ["temperature"]
-# as ROS defines its messages
+# units by the definitions of the messages of ROS
 _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 
 
 def read(paths, columns=None):
-    """Read the topics of inertial messages of a bag.
+    """Return the RawLog of the topics of inertial messages in a bag, or in a folder of bags.
 
-    The stamps come from the headers in ns, or are the times of receipt if a topic's headers never
-    change. `columns` names topics, or ``TOPIC.FIELD``.
+    The stamps come from the headers, in ns. If the stamps in the headers of a topic never change,
+    its stamps are the times of receipt. `columns` are the declared columns by quantity, each a
+    topic or ``TOPIC.FIELD``.
     """
     path, topics, notes = Path(paths["log"]), {}, []
     bags, beside = [path], [Path(f"{path}{end}") for end in _UNWRITTEN]
@@ -63,9 +64,11 @@ def read(paths, columns=None):
 
 
 def _link(path, target):
-    """Return a link to a bag by which the library can open it and knows its kind.
+    """Make a link to the bag at `path`, with which the library can open it; return its path.
 
-    The library makes an address of the path, in which some names would have to be quoted.
+    The link is at `target`; its ending, by the first bytes of the bag, shows the kind of the bag.
+    The library turns a path into an address, in which some names would have to be quoted. Raises a
+    RejectedLog if the file is not a bag.
     """
     if path.is_file():
         with open(path, "rb") as file:
@@ -81,16 +84,18 @@ def _link(path, target):
 
 
 def _gather(bag, topics):
-    """Add the messages of a bag to the topics; return how many announced messages the bag lacks.
+    """Add the messages of a bag to `topics`; return the number of announced messages it lacks.
 
-    `topics` maps (name, type) to three sequences: stamps, ns, of header and receipt alternating;
-    values, row by row; times of receipt of the messages that could not be read.
+    `topics` maps the name and the type of a topic to three sequences: its stamps, ns, of header and
+    receipt in turn; its values, row by row; and the times of receipt of unreadable messages. Raises
+    a RejectedLog if the bag defines a message otherwise than ROS.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
 
     ros1 = bag.suffix == ".bag"
-    # never the definitions in the bag, as AnyReader: the library makes them Python code and runs it
+    # AnyReader is not used: it turns definitions of messages in the bag into Python code and runs
+    # it
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     rows = {kind: attrgetter("header.stamp", *fields) for kind, fields in _FIELDS.items()}
@@ -120,7 +125,12 @@ def _gather(bag, topics):
 
 
 def _stream(name, kind, stamps, values, damaged):
-    """Return the Stream of a topic; parameters are as in `_gather`."""
+    """Return the Stream of a topic of m messages.
+
+    `name` is the name of the topic, and `kind` the type of its messages. `stamps` are stamps, ns,
+    of header and receipt in turn, (2 m,). `values` are the numbers of the messages, row by row.
+    `damaged` has the times of receipt of unreadable messages.
+    """
     headers, received = np.asarray(stamps).reshape(-1, 2).T
     values, notes = np.asarray(values).reshape(-1, len(_FIELDS[kind])).T, []
     if len(headers) > 1 and np.ptp(headers) == 0:

@@ -28,9 +28,10 @@ class Rows:
     log, units, declared : RawLog, dict, Declared
         The log as it was read, its units by quantity, and the keys of the config about it.
     values : dict of str to array
-        The six axes and the temperature as logged; 0 for a sensor that the log lacks.
+        The six axes and the temperature as logged; zeros for a sensor that the log lacks.
     stamps : dict of str to tuple
-        Columns of time stamps as `stamp_values` gives them.
+        For each column of time stamps: its numbers, the mask of the readable ones, and whether
+        they are dates.
     stamped, dates : bool
         Whether the log holds time stamps, and whether these are ns since 1970.
     tick : int or None
@@ -38,16 +39,17 @@ class Rows:
     same : array of bool
         Rows that repeat the one before in time stamp and all values.
     x, usable, before : array
-        Time stamps as mended, or numbers of the rows, of `scale` s each, which of them can be used,
-        and the newest one before each row, in the first one less than `origin`.
+        Mended time stamps, or numbers of the rows, in units of `scale` s; the mask of those that
+        can be used; and the newest one before each row, which is less than `origin` in the first.
     clock : Clock
-        What was mended.
+        The faults of the time stamps that were mended.
     timeline : Timeline or None
-        GNSS time over the local counter; `x` is in s then.
+        GNSS time over the local counter; if it is given, `x` is in s.
     even, packets : Even and tuple or None
-        How time stamps were rebuilt, as in `even_stamps`.
+        The even samples if time stamps were rebuilt; and, for rows that share a time stamp, the
+        step in a packet, s, and whether the last row has the time of the stamp.
     logged : array or None
-        Times as stamped, s, if they were rebuilt.
+        Times by the original stamps, s, if the stamps were rebuilt.
     repeats : int
         Number of rows with the time stamp of another one.
     """
@@ -95,7 +97,7 @@ class Rows:
 
     @property
     def number(self):
-        """Number of the sample of each row; a row that is written twice is one."""
+        """Number of the sample in each row, (n,); a row that is written twice is one sample."""
         number = np.arange(len(self.x))
         return number - self.same.cumsum() if self.same.any() else number
 
@@ -106,11 +108,11 @@ class Rows:
 
     @property
     def inside(self):
-        """Rows within the time range that do not repeat the one before."""
+        """Mask of the rows in the time range that do not repeat the row before, (n,) of bool."""
         if not self.declared.time_range:
             return ~self.same
         start, end = _window(self.declared.time_range, self.moment(self.origin))
-        # a row without a time stamp lies where the log has got to
+        # a row without a time stamp gets the newest one before it
         elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
         return (elapsed >= start) & (elapsed < end) & ~self.same
 
@@ -123,13 +125,13 @@ class Rows:
         return f"{unit}, by 1PPS" if self.timeline else unit
 
     def times(self, keep):
-        """Return the time of some rows from the first of them on, s, as stamped."""
+        """Return the times of the rows `keep`, counted from the first of them, s, (k,)."""
         t = self.x[keep]
         t = t - t[:1].sum()
         return np.multiply(t, self.scale, out=t if t.dtype.kind == "f" else None)
 
     def moment(self, stamp):
-        """Return a time stamp as ns since 1970; None if it is not a date."""
+        """Return a time stamp in its unit as ns since 1970; None if it is not a date."""
         if self.timeline:
             return self.timeline.moment(stamp)
         unit = self.units["time"]
@@ -141,8 +143,8 @@ class Rows:
         """Mend the time stamps, and make them GNSS time or even where they can be.
 
         Time stamps that roll over, start again or stray are mended. A counter is made GNSS time by
-        1PPS marks, of the log or in `marks_file`. The time stamps of a sensor that samples evenly
-        are made even.
+        1PPS marks, which are in the log or in the file `marks_file`. The time stamps of a sensor
+        that samples evenly are made even.
         """
         x = self.x
         if self.stamped:
@@ -195,7 +197,12 @@ class Rows:
 
 
 def _window(time_range, first):
-    """Return the crop in seconds from the log's first stamp, which is `first` ns since 1970."""
+    """Return the start and the end of a time range in seconds from the log's first stamp, a list.
+
+    `time_range` has two entries: seconds, dates, or None for an open side. `first` is the first
+    stamp, ns since 1970, or None if it is not a date. Raises an ImuloopError for a date in a log
+    without dates, and if the start is not before the end.
+    """
     limits = [-np.inf, np.inf]
     for i, value in enumerate(time_range or ()):
         if isinstance(value, (int, float)):

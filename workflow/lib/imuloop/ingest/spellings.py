@@ -1,4 +1,4 @@
-"""How logs call columns and units: the table `names.yaml`, and the meaning of a name by it."""
+"""Usual names of columns and units in logs, by the table `names.yaml`."""
 
 import re
 import unicodedata
@@ -19,7 +19,7 @@ from imuloop.core.units import TEMPERATURE as DEGREES
 AXES = ("x", "y", "z")
 # names of the axes of each sensor in samples
 SENSORS = {"acceleration": FORCES, "angular_rate": RATES}
-# units that are read, the first where neither the config nor the log says; count needs nominal
+# units that are read; the first counts if neither config nor log states one; count needs nominal
 UNITS = {
     "time": (*TIME,),
     **{quantity: (*FACTORS[quantity], "count", *INCREMENTS[quantity]) for quantity in FACTORS},
@@ -28,8 +28,8 @@ UNITS = {
 }
 TABLE = yaml.safe_load(Path(__file__).with_name("names.yaml").read_text(encoding="utf-8"))
 _PLACE, _DERIVED, _CLOCK = (frozenset(TABLE[key]) for key in ("place", "derived", "clock"))
-# ways in which a name shows a quantity, the best first: the keys of the table, and `prefixed`, a
-# usual name after other words
+# ways in which a name shows a quantity, the best first: as a key of the table says, or,
+# `_PREFIXED`, by a usual name after other words
 _USUAL, _INCREMENTS, _WORDS, _PREFIXED, _LAST = range(5)
 _KINDS = {"names": _USUAL, "increments": _INCREMENTS, "last": _LAST}
 # name -> its kind, and its place among the names of that kind
@@ -38,17 +38,18 @@ _KNOWN = {
     for quantity, names in TABLE["columns"].items()
 }
 _SHOWS = {q: re.compile("|".join(map(translate, TABLE["columns"][q]["words"]))) for q in SENSORS}
-# between words that have no sign between them
+# places between two words without a sign between them
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)")
 # an axis in brackets, at the end but for the unit: acc[0], Accelerometer (z) [g]
 _INDEX = re.compile(r"[\[({]([012xyz])[\])}](?=\s*([\[({]|\Z))", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]((?:[^\[\](){}]|\([^()]*\))*)[\])}]")
-# a column of whole seconds, and one of its part
+# name of a column of whole seconds, and name of a column of parts of a second
 _WHOLE = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
 _PART = re.compile(r"(.*?)((?:n|u|nano|micro|milli)(?:secs?|seconds))", re.IGNORECASE)
 
 
 def _plain(text):
+    """Return the letters and digits of a text in lower case, with deg for ° and u for μ."""
     text = unicodedata.normalize("NFKC", str(text)).lower().replace("°", "deg").replace("μ", "u")
     return re.sub(r"[\W_]", "", text)
 
@@ -95,7 +96,7 @@ def is_iso(unit):
 
 
 def unknown_unit(quantity, text):
-    """Return the error of a log that states an unknown unit."""
+    """Return the error of a log that states an unknown unit, `text`, of a quantity."""
     return ImuloopError(
         f"units.{quantity}: the log says '{text[:80]}', which is not a known unit; declare "
         f"the right one of {', '.join(UNITS[quantity])}"
@@ -104,9 +105,10 @@ def unknown_unit(quantity, text):
 
 @lru_cache(1 << 15)
 def _parts(name):
-    """Return the words of a name before and after its axis, the axis or None, and its unit.
+    """Return the words of a name before its axis, the axis, the words after it, and its unit.
 
-    The unit is the text of the last brackets. An axis is a word, or joined to a known name: gx.
+    The words are tuples. The axis is None in a name without one; it is a word by itself, or it is
+    joined to a known name, as in gx. The unit is the text in the last brackets, or empty.
     """
     # longer texts are not names
     text = unicodedata.normalize("NFKC", name[-99:])
@@ -117,29 +119,33 @@ def _parts(name):
     for i, word in enumerate(words):
         for axis, rest in ((word[-1], word[:-1]), (word[0], word[1:])):
             if axis in AXES and (not rest or any(rest in _KNOWN[q] for q in SENSORS)):
-                # one by itself goes first, of several the last
+                # an axis that is a word by itself comes first, among several the last one
                 found.append((not rest, i, axis, [rest] * bool(rest)))
     _, i, axis, rest = max(found, default=(0, len(words), None, []))
     return (*words[:i], *rest), axis, (*words[i + 1 :],), brackets[1].strip() if brackets else ""
 
 
 def words_of(name):
-    """Return the lower-case words of a column's name, without its axis, unit in brackets, place."""
+    """Return the words of a column's name in lower case, a list.
+
+    The axis, a unit in brackets, and words for a place are left out.
+    """
     before, _, after, _ = _parts(name)
     return [word for word in (*before, *after) if word not in _PLACE]
 
 
 def named_sensor(text):
-    """Return the sensor that a word or a file's name stands for, or None."""
+    """Return the quantity of the sensor that words such as a file's name stand for, or None."""
     words = words_of(str(text))
     found = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
     return found.pop() if len(found) == 1 and _DERIVED.isdisjoint(words) else None
 
 
 def _ending(quantity, words, alone=True):
-    """Return the index of `words` where the unit at their end starts; their number without a unit.
+    """Return the index in `words` at which the unit at their end starts.
 
-    A single letter is a unit only after another word, unless `alone`.
+    If they do not end in a unit of the quantity, the result is their number. A single letter is a
+    unit only after another word, unless `alone`.
     """
     for k in range(len(words)):
         text = "".join(words[k:])
@@ -151,8 +157,9 @@ def _ending(quantity, words, alone=True):
 def unit_of(quantity, where, names, increments=False):
     """Return the unit that the names of columns state, such as 'ax [g]', 'time_us', 'gx deg/s'.
 
-    `where` is the position of the column, or a tuple of them. An unknown unit is returned as it is
-    written, different units as one text.
+    `where` is the position of the column in `names`, or a tuple of positions. `increments` tells
+    whether the columns hold increments. An unknown unit is returned as it is written, and different
+    units as one text. The result is None if no name states a unit.
     """
     units = {}
     for name in (names[i] for i in (where if isinstance(where, tuple) else (where,))):
@@ -163,14 +170,14 @@ def unit_of(quantity, where, names, increments=False):
         words = after or before
         text = "".join(words[_ending(quantity, words, after or not axis) :])
         unit = stated_unit(quantity, text, increments) if text else None
-        # the word raw before the axis is a place, no unit
+        # the word raw before the axis is not a unit
         if unit and (unit != "count" or after or not axis):
             units[unit] = name
     return " and ".join(units) or None
 
 
 def names_device(name):
-    """Return whether a column of this name says whose sample a row is."""
+    """Return whether a column with this name tells the device of each row."""
     return _plain(name) in TABLE["device"]
 
 
@@ -181,9 +188,10 @@ def increment_name(quantity, name):
 
 
 def two_parts(names):
-    """Return the columns of whole seconds and their part, and how many ns the part counts.
+    """Return the positions of whole seconds and of their parts, and the unit of the parts, ns.
 
-    None where no two have such names: sec and nsec, seconds and milliseconds.
+    The names of the two columns are such as sec and nsec, or seconds and milliseconds. The result
+    is None if no two columns have such names.
     """
     whole = {found[1]: at for at, name in enumerate(names) if (found := _WHOLE.fullmatch(name))}
     for at, name in enumerate(names):
@@ -196,10 +204,11 @@ def two_parts(names):
 def guess(names, alone=None, usual=True):
     """Return the columns of each quantity by their names, {quantity: list}, the best first.
 
-    A column is its position, a sensor a tuple of three; all sensors in the list have names as good
-    as the first. With `usual` they have usual names. Without, names may also be of increments,
-    show the sensor by a word, or follow a prefix that both sensors have. If only the sensor `alone`
-    is looked for, any three columns x, y, z may be it.
+    `names` are the names of all columns. An entry of a list is the position of a column, or a tuple
+    of three for a sensor; all entries of a sensor have equally good names. If `usual`, only usual
+    names count. Otherwise a name may also be of increments, show the sensor by a word, or follow a
+    prefix that both sensors have. If only the sensor `alone` is looked for, any three columns x, y,
+    z count.
     """
     triples, found = _triples(names), {}
     for quantity in _KNOWN:
@@ -212,9 +221,9 @@ def guess(names, alone=None, usual=True):
     for quantity, matches in found.items():
         fine = [each for each in matches if each[0].kind != _PREFIXED or each[0].prefix in shared]
         if quantity not in SENSORS:
-            # among several devices the prefix does not tell whose it is
+            # several prefixes may stand for several devices: it is not known which one counts
             fine = sorted(m for m in fine if m[0].kind != _PREFIXED or len(shared) == 1)
-            # seconds may be a part of a clock
+            # a column of seconds may be a part of a clock, as in hours, minutes, seconds
             fine = [m for m in fine if not (clock and m[0].name in _SPELT["time"])]
             found[quantity] = [at for _, [(at,)] in fine]
             continue
@@ -228,9 +237,10 @@ def guess(names, alone=None, usual=True):
 
 
 def _triples(names):
-    """Return the positions of x, y and z of names that differ in the axis alone.
+    """Return the positions of x, y and z of names that differ only in the axis.
 
-    Names that repeat give several triples; two are enough to tell.
+    The result is a list of lists of tuples. Names that repeat give several tuples in a list, of
+    which two are returned, as these are enough to see that the names repeat.
     """
     found = {}
     for at, name in enumerate(names):
@@ -242,10 +252,10 @@ def _triples(names):
 
 
 def _match(quantity, name):
-    """Return the best `_Match` of a name with the names of a quantity, None if it has none."""
+    """Return the best `_Match` of a column's name with a quantity, or None if nothing matches."""
     before, _, after, unit = _parts(name)
     words, sensor = before or after, quantity in SENSORS
-    # Time (UTC) may be a time, T (°) may not
+    # the unit may be unknown, as in Time (UTC), but not of another quantity, as in T (°)
     strange = not sensor and bool(unit) and _plain(unit) not in _SPELT[quantity]
     if strange and any(_plain(unit) in units for units in _SPELT.values()):
         return None

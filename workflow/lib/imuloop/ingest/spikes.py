@@ -6,20 +6,22 @@ spike if it is far from its neighbours, these agree with each other, and no othe
 
 import numpy as np
 
-# samples on each side through which a cubic is fitted, and samples on each side that show the noise
+# number of samples on each side for the fit of a cubic, and number on each side that show the noise
 NEAR, REACH = 4, 16
-# least distance of a spike from the cubic, as multiples of the largest distance of a neighbour and
-# of the noise; jumps of good sensors come to 10
+# least distance of a spike from the cubic, as a multiple of the largest distance of a neighbour,
+# and as a multiple of the noise; jumps of good sensors reach 10
 OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
 # another channel moves if its distance from its own cubic exceeds this multiple of its noise, and
 # this share of the spike's own multiple: 6 happens by chance now and then. Among 169 knocks of a
 # single sample in 3.3 million measured rows each moves another channel by 7 or more
 MOVES, MOVES_SHARE = 6.0, 0.01
-# a spike on several channels jumps by this multiple of the jumps near it; a knock comes to 17
+# a spike on several channels jumps by more than this multiple of the jumps near it; a knock reaches
+# 17
 FAR_JUMP = 20.0
-# rows that are searched at once
+# number of rows that are searched at once
 _PART = 1 << 14
-# the larger of two spikes near to each other hides the smaller one until it is replaced
+# number of searches: the larger of two spikes near to each other hides the smaller one until it is
+# replaced
 PASSES = 3
 
 _BESIDE = np.r_[-NEAR:0, 1 : NEAR + 1]
@@ -30,28 +32,29 @@ _AWAY = np.eye(2 * NEAR) - _POWERS @ np.linalg.pinv(_POWERS)
 # the first and the last samples, which have too few neighbours, are not judged
 _EDGE = REACH + 2
 _WITHIN = np.arange(-_EDGE, _EDGE + 1)
-# distances that show the noise, which do not depend on the sample itself, and those that do
+# indices of the distances that show the noise, as they do not depend on the sample itself, and of
+# those that depend on it
 _AROUND, _NEXT = np.r_[: REACH - 2, REACH + 3 : 2 * REACH + 1], np.r_[REACH - 1 : REACH + 2]
 
 
 def isolated(x, steps):
-    """Return the rows and the channels of spikes that are on one channel alone, two (k,) of int.
+    """Return the rows and the channel numbers of k spikes on a single channel, (2, k) of int.
 
-    A spike x satisfies
+    A sample v is a spike if no other channel moves, and
 
-        |x - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
+        |v - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
 
     c is the value of the cubic through NEAR samples on each side, and d the largest distance of
     these from the cubic. s is the standard deviation of the noise: the median distance, within
     REACH, of samples from the cubic through two samples on each side, over 0.6745. q is the
-    quantisation step. No other channel moves.
+    quantisation step.
 
     Parameters
     ----------
-    x : array_like, shape (c, n)
-        Channels, or a list of c of them.
-    steps : array_like, shape (c,)
-        Quantisation steps, 0 where a channel has none.
+    x : array_like, shape (m, n)
+        Samples of m channels.
+    steps : array_like, shape (m,)
+        Quantisation steps of the channels, 0 if a step is not known.
     """
     x, steps, found = list(x), np.asarray(steps), []
     for _ in range(PASSES if len(x[0]) > 2 * _EDGE else 0):
@@ -81,9 +84,10 @@ def isolated(x, steps):
 
 
 def _candidates(x, step):
-    """Return the rows of a channel, (n,), that are further from their cubic than rows near by.
+    """Return the rows of a channel x, (n,), that are farther from their cubic than rows near by.
 
-    Most samples are not far from those three and five rows away.
+    Such a row is farther than twice the distances three and five rows away, and than `OF_NOISE`
+    times the quantisation `step`. Most samples are not.
     """
     found = []
     # the arrays of a part stay in the processor's cache

@@ -13,24 +13,25 @@ from imuloop.core.units import TIME
 
 # whole nanoseconds per unit, so that absolute stamps stay exact
 NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
-# stamps are below: their differences fit 64 bits; and the whole years of such ns
+# upper limit of stamps, so that their differences fit 64 bits; and the years whose ns are below it
 MOST = 1 << 62
 YEARS = "1824 to 2115"
 # slowest and fastest rate at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
-# other dates than ISO 8601, those of America with AM or PM
+# formats of dates other than ISO 8601; dates in American order have AM or PM
 _DATES = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
 _DATES += ("%m/%d/%Y %I:%M:%S.%f %p", "%m/%d/%Y %I:%M:%S %p")
 _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
-# numbers between 2000 and 2100 in their unit are taken as Unix time, ns
+# numbers that are between the years 2000 and 2100 as Unix time count as such, ns
 _UNIX = (946_684_800 * 10**9, 4_102_444_800 * 10**9)
 
 
 def parse_stamps(text):
-    """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
+    """Return a column of stamps that are written as text, an Arrow array, as numbers or dates.
 
-    What cannot be read becomes null; stamps without a zone count as UTC. A time of the day, as
-    23:59:59.25 or 23:59:59:250, is its seconds; so are minutes and seconds, 59:59.25.
+    The type of the result is int64, float64 or timestamp[ns] (UTC), the first that fits. Unreadable
+    stamps become null. Stamps without a zone count as UTC. A time of the day, 23:59:59.25 or
+    23:59:59:250, and minutes and seconds, 59:59.25, become seconds.
     """
     for kind in (pa.int64(), pa.float64()):
         with suppress(pa.ArrowInvalid):
@@ -41,7 +42,7 @@ def parse_stamps(text):
         # whole numbers keep all their digits if a few others are unreadable
         number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
         return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
-    # minutes and seconds alone; and milliseconds after a colon
+    # put zero hours before minutes and seconds, and a point before milliseconds after a colon
     clock = series.str.replace(r"^(\d\d:\d\d\.\d+)$", r"00:\1", regex=True)
     clock = clock.str.replace(r"^(.*:\d\d:\d\d):(\d{3})$", r"\1.\2", regex=True)
     clock = clock.where(clock.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
@@ -57,7 +58,8 @@ def parse_stamps(text):
 def stamp_array(column):
     """Return a column of stamps of any type as int64, float64 or timestamp[ns].
 
-    Dates that whole nanoseconds do not reach become null; where all are, they keep their unit.
+    A date outside of `YEARS` becomes null; if all dates are outside, they keep their unit. Raises a
+    RejectedLog for stamps of 2^63 and more.
     """
     kind = column.type
     if pa.types.is_dictionary(kind):
@@ -79,22 +81,24 @@ def stamp_array(column):
 
 
 def joined_stamps(seconds, parts, part_ns):
-    """Return whole seconds and parts of a second, of `part_ns` ns each, as ns: int64.
+    """Return the stamps of two columns, whole seconds and parts of a second, as ns, int64.
 
-    Null where either cannot be read, or the part is more than a second.
+    `parts` are in units of `part_ns` ns. A stamp is null if one of its numbers cannot be read, or
+    if the part is a second or more.
     """
     (whole, known, dates), (part, sound, _) = map(stamp_values, (seconds, parts))
     sound = sound & known & (part >= 0) & (part * part_ns < 10**9) & (not dates)
-    # others do not fit 64 bits
+    # larger stamps do not fit 64 bits in ns
     sound &= np.abs(whole) < MOST // 10**9
     whole, part = (np.where(sound, x, 0).round().astype(np.int64) for x in (whole, part))
     return pa.array(whole * 10**9 + part * part_ns, mask=~sound)
 
 
 def stamp_values(column):
-    """Return stamps as numbers, which of them are readable, and whether they are dates.
+    """Return stamps as numbers, (n,), a mask of the readable ones, (n,), and if they are dates.
 
-    Numbers are int64 (nanoseconds of dates) or float64; 0 where not readable.
+    `column` is an Arrow array of stamps. The numbers are int64, ns since 1970 for dates, or
+    float64. A stamp that is not readable is 0.
     """
     absolute = pa.types.is_timestamp(column.type)
     if absolute and column.type.unit != "ns":
@@ -113,7 +117,11 @@ def stamp_values(column):
 
 
 def no_stamps(column, name):
-    """Return the error of a time column that holds no stamp: of the log, else of the config."""
+    """Return the error of a time column without a readable stamp.
+
+    `column` is the Arrow array, and `name` its name, or a list of two names. The error is a
+    RejectedLog if the stamps are too large, else an ImuloopError on the declaration.
+    """
     known = column.to_pandas().dropna()
     if len(known):
         why = (
@@ -130,7 +138,10 @@ def no_stamps(column, name):
 
 
 def iso_nanoseconds(value):
-    """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
+    """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC.
+
+    Raises an ImuloopError for another text.
+    """
     try:
         moment = pd.Timestamp(datetime.fromisoformat(str(value)))
     except ValueError as error:
@@ -139,9 +150,10 @@ def iso_nanoseconds(value):
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
-    """Return a stamp as nanoseconds since 1970, or None where it is not a date.
+    """Return a stamp as nanoseconds since 1970, or None if it is not a date.
 
-    Numbers count as Unix time where that puts them between 2000 and 2100.
+    If `absolute`, the stamp is already nanoseconds since 1970. Otherwise it is a number in `unit`
+    and counts as Unix time if this is between the years 2000 and 2100.
     """
     if absolute:
         return int(stamp)
@@ -150,7 +162,10 @@ def absolute_nanoseconds(stamp, unit, absolute):
 
 
 def check_unit(stamp, unit):
-    """Reject stamps, numbers, that are centuries ahead in their unit, and dates in a finer one."""
+    """Raise a RejectedLog if a stamp is after 2100 in its unit, but a likely date in a finer unit.
+
+    `stamp` is the first stamp of a log, a number, and `unit` its unit.
+    """
     finer = [name for name in NANOSECONDS if absolute_nanoseconds(stamp, name, False) is not None]
     if finer and stamp * NANOSECONDS[unit] >= _UNIX[1]:
         date = iso_text(absolute_nanoseconds(stamp, finer[0], False))

@@ -1,4 +1,4 @@
-"""Logs of several tables or streams: find those that hold the sensors, each on its own clock."""
+"""Logs of several tables or streams, each on its own clock: find those that hold the sensors."""
 
 import re
 from dataclasses import dataclass, field
@@ -12,13 +12,13 @@ from imuloop.ingest.join import join
 from imuloop.ingest.spellings import SENSORS, guess
 from imuloop.ingest.tables import table_log
 
-# units of autopilots
+# units in the logs of autopilots
 AUTOPILOT = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Numbers that a log keeps together, on one clock.
+    """Numbers in a log that have the same clock, such as a topic or a kind of message.
 
     `stamps` are whole or decimal numbers, shape (n,), with the same unit in all streams of a log.
     `fields` maps names to values, shape (n,). `units` maps a quantity to its unit, if the format
@@ -47,7 +47,7 @@ class Stream:
         return not guess(zero)[quantity] if guess(self.names)[quantity] else None
 
     def log(self, columns):
-        """Return the RawLog of the stream; `columns` are its own, as declared."""
+        """Return the RawLog of the stream; `columns` are its declared columns by quantity."""
         names, stem = self.names, one_line(self.name)
         chosen = resolve(["stamps", *names], {"time": 0} | columns)
         arrays = [self.stamps, *(np.asarray(x, float) for x in self.fields.values())]
@@ -57,7 +57,11 @@ class Stream:
 
 
 def rates(increments, interval, ticks_per_s=1):
-    """Return increments, shape (n,), over their own intervals, shape (n,), per s."""
+    """Return increments, (n,), divided by their intervals, per s, (n,).
+
+    `interval` has the intervals in ticks, (n,), and `ticks_per_s` is the number of ticks in 1 s.
+    The result is not-a-number for an interval that is not positive.
+    """
     # the product of ticks and single precision is exact, so that only the division rounds
     return ticks_per_s * increments.astype(float) / np.where(interval > 0, interval, np.nan)
 
@@ -66,9 +70,10 @@ def raw_log(streams, columns=None, notes=(), damage=()):
     """Return the RawLog of the streams that hold acceleration and angular rate.
 
     `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. Other
-    quantities are found by the usual names of fields, in streams that measure anything. A time or
-    temperature of None counts as not logged. If the log lacks a quantity and `damage` says that
-    something was lost, the data are at fault, not the config.
+    quantities are found by the usual names of fields, in streams with values other than zero. A
+    time or temperature of None counts as not logged. `notes` and `damage` are lines on the log and
+    on its lost parts. If no stream holds a sensor, an ImuloopError is raised, but a RejectedLog if
+    there is damage, as the data are then at fault, not the config.
     """
     columns, notes = dict(columns or {}), [*notes]
     for quantity in ("time", "interval"):
@@ -115,15 +120,18 @@ def raw_log(streams, columns=None, notes=(), damage=()):
 
 
 def names_in(columns):
-    """Return the words in declared columns, also without the number of an instance."""
+    """Return the words in declared columns, with and without the number of an instance, a set."""
     words = re.findall(r"\w+", str(columns or ""))
     return {*words, *(re.sub(r"_\d+\Z", "", word) for word in words)}
 
 
 def choose(columns, tables, usual, bare=False):
-    """Return sensor -> name of its table, from those declared, else from the `usual` ones.
+    """Return the name of the table of each sensor, a dict by quantity.
 
-    A table that holds both sensors goes before tables of one. Parameters are as in `owner`.
+    The table is the one in the declared `columns`, else one of the `usual` tables, a list of names
+    for each quantity. A table that holds both sensors is preferred. `tables` maps names of tables
+    to their columns. If `bare`, columns may be declared without their table. Declared columns lose
+    the name of their table. Raises an ImuloopError if no table or several tables fit.
     """
     found = {}
     for quantity in SENSORS:
@@ -151,8 +159,9 @@ def choose(columns, tables, usual, bare=False):
 def owner(key, columns, tables, bare=False):
     """Return the name of the table in which a declared quantity is, None if it is not declared.
 
-    In `columns` it loses that name. `tables` maps names to columns; with `bare` columns may be
-    declared without their table.
+    `key` is the quantity. In the declared `columns` it loses the name of the table. `tables` maps
+    names of tables to their columns. If `bare`, columns may be declared without their table. Raises
+    an ImuloopError if there is no such table.
     """
     if (declared := columns.get(key)) is None:
         return None

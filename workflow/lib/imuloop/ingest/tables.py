@@ -1,4 +1,4 @@
-"""Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
+"""Logs that are tables of both sensors, of one sensor, or of both sensors in turn."""
 
 from dataclasses import replace
 
@@ -21,8 +21,8 @@ from imuloop.ingest.stamps import (
     stamp_values,
 )
 
-# rows that show the unit of the stamps, and whether the sensors take turns; they do if more than
-# this share of the rows begins or ends a turn
+# number of first rows that show the unit of the stamps, and whether the sensors take turns; they do
+# if more than this share of the rows begins or ends a turn
 HEAD_ROWS, _TURNS = 1000, 0.1
 # Xsens counts 100 us in sample_time_fine, but 1 us in a DOT; a DOT has at most 120 Hz, so that its
 # steps are longer than `_LONG_STEP` ticks
@@ -35,15 +35,15 @@ def table_log(names, chosen, columns, headed=True, tick=1, **known):
     Parameters
     ----------
     names : list of str
-        All columns of the table.
+        Names of all columns of the table.
     chosen : Columns
-        Which of these are read.
+        The columns that are read.
     columns : list of pyarrow.Array
-        Those at the positions of ``chosen.raw()``, in their order.
+        The columns at the positions of ``chosen.raw()``, in their order.
     headed : bool
-        Whether the names are the table's, not numbers.
+        Whether the names are from the table; otherwise they are numbers.
     tick : float
-        Units of time in one step of the time stamps.
+        Factor from the time stamps to the unit of time.
     **known
         Attributes of the RawLog that the file states itself.
     """
@@ -65,8 +65,8 @@ def table_log(names, chosen, columns, headed=True, tick=1, **known):
 
 
 def stated_units(chosen, texts):
-    """Return quantity -> unit of the chosen columns; `texts` are the units of all columns."""
-    # as in a column's name
+    """Return the units of the chosen columns by quantity; `texts` are the units of all columns."""
+    # in brackets, as in the name of a column
     names, units = [f"[{text.strip('[]{} ')}]" for text in texts], {}
     for quantity in ("time", *SENSORS, "temperature"):
         if (where := getattr(chosen, quantity)) is not None:
@@ -77,10 +77,10 @@ def stated_units(chosen, texts):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _unit_of_stamps(log):
-    """Return the units in one tick of the stamps, and the unit; None if it is not clear.
+    """Return the number of units in a tick of the stamps, and the unit; None if it is not clear.
 
-    It is clear if they are Unix time in a finer unit than s, at a rate that a log has, or ticks of
-    Xsens.
+    The unit is clear if the stamps of the RawLog are Unix time in a finer unit than s, at a
+    plausible rate, or ticks of Xsens.
     """
     name = log.found.get("time")
     if "time" in log.units or not isinstance(name, str):
@@ -102,7 +102,12 @@ def _unit_of_stamps(log):
 
 
 def _raw_batch(names, chosen, columns):
-    """Return the raw batch of a table; parameters are as in `table_log`."""
+    """Return the rows of a table as a RecordBatch with the raw columns.
+
+    `names` are the names of all columns, `chosen` are the Columns that are read, and `columns` are
+    their Arrow arrays in the order of ``chosen.raw()``. Raises an ImuloopError if a column has the
+    wrong type.
+    """
     raw, arrays = chosen.raw(), {}
     for key, column in zip(raw, columns, strict=True):
         if isinstance(column, pa.ChunkedArray):
@@ -129,12 +134,16 @@ def doubles(column):
 
 
 def _without_turns(log):
-    """Return the log; if its rows hold one sensor each, the log of its two streams, joined."""
+    """Return a RawLog whose rows hold both sensors.
+
+    If the rows of `log` hold the two sensors in turn, the rows of each sensor are a log, and these
+    two logs are joined. Otherwise the result is `log`.
+    """
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log
 
     def rows_without(lacks, batch):
-        """Return which rows lack all axes of a sensor, shape (2, n)."""
+        """Return which of n rows lack all axes of each sensor, (2, n) of bool."""
         values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
         return lacks(values).all(axis=1)
 
@@ -142,7 +151,8 @@ def _without_turns(log):
     many = _TURNS * head.num_rows
     empty, zero = rows_without(np.isnan, head), rows_without(np.logical_not, head)
     turns = [np.count_nonzero(np.diff(rows), axis=1) > many for rows in (empty, zero)]
-    # a gyroscope in whole deg/s can be zero at rest: each has to be, and no row may hold both
+    # zeros show turns if each sensor is zero in turn and few rows hold both or none: a gyroscope
+    # alone may be zero at rest
     zeros = turns[1].all() and np.count_nonzero(zero[0] == zero[1]) < many
     if not (turns[0].any() or zeros):
         return log
@@ -157,9 +167,10 @@ def _without_turns(log):
 
 
 def read_pair(read, sources, columns=None):
-    """Return the RawLog of an accelerometer's table and a gyroscope's, each on its own clock.
+    """Return the RawLog of a table for each sensor, each on its own clock.
 
-    ``read(paths, columns)`` reads each of `sources`, quantity -> path.
+    `sources` has the path of each table by quantity, and `columns` are the declared columns. Each
+    table is read by ``read(paths, columns)``. Raises an ImuloopError if a table lacks its sensor.
     """
     logs = {}
     for quantity, other in zip(SENSORS, [*SENSORS][::-1], strict=True):

@@ -1,4 +1,4 @@
-"""How a text table is written: separator, header, units, decimal comma, found from its head."""
+"""The layout of a text table, found from its first bytes: separator, header, units, decimals."""
 
 import csv
 import re
@@ -12,12 +12,12 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# rows by which a separator is judged, at least
+# least number of rows by which a separator is chosen, if the table has them
 _JUDGED = 64
 BLANKS = " "
 _SEPARATORS = (",", "\t", ";", "|", BLANKS)
 COMMENT = re.compile(r"\s*(#|%|//)+\s*")
-# columns of a sensor
+# number of columns of a sensor
 LEAST = len(AXES)
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
@@ -39,14 +39,14 @@ JSON_DOCUMENT = (
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text table is written.
+    """The layout of a text table.
 
-    `separator` is a comma, tab, semicolon, bar, or a blank that stands for any number of blanks;
-    `names` are numbers where the file has none (`headed`); rows begin at the byte `start`, `before`
-    are the fields of lines before header and rows; `units` are in a row below the header,
-    else empty; `rows` are the fields of the first rows. In all lines each pattern of `rewrites`
-    gives place to its replacement, in this order: a decimal comma becomes a point, and blanks that
-    follow each other a tab.
+    `separator` is a comma, tab, semicolon, bar, or a blank that stands for any number of blanks.
+    `names` are the names of the columns; they are numbers if the file has no names, and `headed` is
+    then False. Rows begin at the byte `start`. `before` are the fields of the lines before header
+    and rows. `units` are the units in a row below the header, or empty. `rewrites` are pairs of a
+    pattern and its replacement, to be applied to all lines in this order; for example, a decimal
+    comma becomes a point, and several blanks a tab. `rows` are the fields of the first rows.
     """
 
     separator: str
@@ -60,9 +60,13 @@ class Layout:
 
 
 def find_layout(source, least=LEAST):
-    """Return the layout of a text table of `least` columns or more (path or bytes)."""
+    """Return the Layout of a text table with at least `least` columns.
+
+    `source` is the path of the table or its text as bytes. Raises a RejectedLog if it is not such a
+    table.
+    """
     head = bytes(unpacked(source, LONGEST_LINE))
-    # every second byte, or three of four
+    # in UTF-16 and UTF-32 one of two, or three of four, bytes of most texts are zero
     if head[:256].count(0) > 0.4 * len(head[:256]):
         raise RejectedLog(_BINARY)
     lines = head.split(b"\n")
@@ -87,7 +91,7 @@ def find_layout(source, least=LEAST):
     start = at[begin]
     comments = [text for text in texts[:start] if COMMENT.match(text)]
     comment = fields_of(COMMENT.sub("", comments[-1], count=1), separator) if comments else []
-    # between blanks it may be prose
+    # a comment with blanks between its words may be prose
     if (separator == BLANKS and not any(guess(comment).values())) or any(map(is_number, comment)):
         comment = []
     options = (labels if rewrites else (), *header[:1], comment)
@@ -96,7 +100,7 @@ def find_layout(source, least=LEAST):
     if arrow:
         # the time becomes the last column
         rewrites.append((_ARROW, rb"\2" + separator.encode() + rb"\1"))
-    # the point of a date is not the point of numbers in other columns
+    # dates are left out: their point does not show how other numbers are written
     numbers = [x for row in rows[begin:] for x in row if is_number(x) and not _DATE.match(x)]
     if any("," in x for x in numbers) and not any("." in x for x in numbers) and separator != ",":
         rewrites.append((b",", b"."))
@@ -120,7 +124,7 @@ def _are_units(fields):
 
 
 def unpacked(source, most=None):
-    """Return the text of a file, unpacked, or of bytes: its first bytes, if `most` are wanted."""
+    """Return the text of a file, unpacked, or of bytes; at most its first `most` bytes."""
     text = bytearray()
     for part in parts_of(source, LONGEST_LINE):
         text += part
@@ -130,7 +134,10 @@ def unpacked(source, most=None):
 
 
 def parts_of(source, size):
-    """Give the text of a file, unpacked, or of bytes, in parts of `size` bytes."""
+    """Yield the text of a file, unpacked, or of bytes, in parts of `size` bytes.
+
+    Raises a RejectedLog if the file cannot be read to its end.
+    """
     packed, total = len(source) if isinstance(source, bytes) else Path(source).stat().st_size, 0
     try:
         stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
@@ -147,13 +154,17 @@ def parts_of(source, size):
 
 
 def unreadable(error):
-    """Return the rejection of a file whose reading ended in an error."""
+    """Return the RejectedLog of a file whose reading ended in an error."""
     return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
 
 
 def _separator(rows, least, json):
-    """Return the separator by which the most fields are numbers, and the fields in a row."""
-    # an odd step: rows of two kinds in turn both count
+    """Return the separator with which most fields are numbers, and the number of fields in a row.
+
+    `rows` are lines of text, and a row has at least `least` fields. Raises a RejectedLog if the
+    text is not a table; `json` tells whether it is a document of JSON.
+    """
+    # an odd step, so that rows of two kinds in turn both count
     rows, best = rows[:: len(rows) // _JUDGED | 1], (0.0, 0.0, "", 0)
     for separator in _SEPARATORS if rows else ():
         table = [fields_of(row, separator) for row in rows]
@@ -162,7 +173,7 @@ def _separator(rows, least, json):
         long = [row for row in table if len(row) >= least]
         given = [text for row in long for text in row if text]
         numeric = sum(map(is_number, given)) / max(1, len(given)) * len(long) / len(rows)
-        # blanks may be inside of a header's names, or of dates, and fields between tabs empty
+        # blanks count less: names and dates may contain them, and fields between tabs may be empty
         share = numeric * (1 + alike / len(rows)) * (0.9 if separator == BLANKS else 1.0)
         if width >= least and share > best[0]:
             best = share, numeric, separator, width
@@ -172,7 +183,7 @@ def _separator(rows, least, json):
 
 
 def decoded(line):
-    """Return a line as text; a degree or a square in a header may be of an older encoding."""
+    """Return a line, bytes, as text: UTF-8, or Latin-1, which older headers may have."""
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
@@ -180,7 +191,7 @@ def decoded(line):
 
 
 def fields_of(line, separator):
-    """Return the fields of a line, none where its quotes do not fit."""
+    """Return the fields of a line, a list, empty if its quotes do not fit."""
     if separator == BLANKS:
         return line.split()
     try:
@@ -191,7 +202,7 @@ def fields_of(line, separator):
 
 
 def is_number(text):
-    """Tell whether a field is a number, a date, or stands for a missing one."""
+    """Tell whether a field is a number, a date, or text for a missing number."""
     if text in MISSING or _DATE.match(text):
         return bool(text)
     try:

@@ -8,8 +8,8 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
 
-# topic of PX4 to the fields of each sensor, by number or name of the axis; from `_CORRECTED` PX4
-# has removed its own calibration
+# fields of each sensor in the topics of PX4, with {0} for the number and {1} for the name of the
+# axis; topics in `_CORRECTED` are corrected by PX4's own calibration
 _TOPICS = {
     "sensor_combined": {"acceleration": "accelerometer_m_s2[{0}]", "angular_rate": "gyro_rad[{0}]"},
     "sensor_accel": {"acceleration": "{1}"},
@@ -19,29 +19,30 @@ _TOPICS = {
     "vehicle_imu": {"acceleration": "delta_velocity[{0}]", "angular_rate": "delta_angle[{0}]"},
 }
 _CORRECTED = ("sensor_combined", "vehicle_imu")
-# length of the intervals, in us, of the increments
+# field with the interval of the increments of each sensor, us
 _INTERVALS = {"acceleration": "delta_velocity_dt", "angular_rate": "delta_angle_dt"}
-# of each sensor: what PX4 calls it, and fields with its device id, in its topic and in others
+# for each sensor: its name, PX4's short name, and the fields with its device id, in its topic and
+# in other topics
 _IDS = {
     "acceleration": ("accelerometer", "ACC", ("device_id", "accel_device_id")),
     "angular_rate": ("gyroscope", "GYRO", ("device_id", "gyro_device_id")),
 }
-# PX4 has parameters of at most four calibrated sensors
+# numbers of calibrated sensors in the parameters of PX4
 _SLOTS = range(4)
-# the library reads each byte of a sound file twice at most
+# most times that the library may read the file; it reads each byte of a sound file at most twice
 _MOST_TIMES = 10
-# accelerometer_timestamp_relative of a row without acceleration
+# value of accelerometer_timestamp_relative in a row without acceleration
 _NO_ACCELERATION = 0x7FFFFFFF
 
 
 def read(paths, columns=None):
-    """Read a ULog file.
+    """Return the RawLog of a ULog file.
 
-    The streams are the topics with their instance, ``sensor_accel_0``. `columns` names streams or
-    ``STREAM.FIELD``, also of topics of other sensors. Increments become rates by their own
-    interval. Buffers become one row per sample.
+    A stream is a topic with its instance, such as ``sensor_accel_0``. `columns` are the declared
+    columns by quantity, each a stream or ``STREAM.FIELD``; the topic may be of another sensor.
+    Increments are divided by their own interval. Buffers become one row per sample.
     """
-    # a library that few need
+    # imported late, as few logs need this library
     from pyulog import ULog
 
     with open(paths["log"], "rb") as file:
@@ -67,10 +68,11 @@ def read(paths, columns=None):
 
 
 def _sensor_id(quantity, data, parameters):
-    """Return the name of a sensor -> its device id and slot, as PX4 has them in CAL_ACC0_ID.
+    """Return the device id and the slot of a sensor, {name: {"id", "slot"}}.
 
-    The id is that in the `data` of the sensor's topic, else of PX4's parameters where these know
-    one sensor; the result is empty without.
+    The slot is the number in the parameter of PX4 with this id, such as CAL_ACC0_ID. The id comes
+    from `data`, the fields of the sensor's topic. If it is not there, it comes from PX4's
+    `parameters` if these have a single sensor. The result is empty without a single id.
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
@@ -84,17 +86,18 @@ def _sensor_id(quantity, data, parameters):
 class _Tape(io.BytesIO):
     """A file in memory that knows whether reading ended inside a message.
 
-    Damage can lead the library in circles: it may read the file a few times over, no more.
+    Damage can lead the library in circles, so reading more than `_MOST_TIMES` the file is refused.
     """
 
     cut, asked = False, 0
 
     def read(self, size=-1):
+        """Return the next `size` bytes, or all; raise a ValueError if reading goes in circles."""
         got = super().read(size)
         self.asked += 1 + len(got)
         if self.asked > _MOST_TIMES * (1 + self.getbuffer().nbytes):
             raise ValueError("reading it goes in circles")
-        # the next header's three bytes may be missing, nothing else
+        # at the end of a sound file only the three bytes of a next header are missing
         self.cut |= len(got) < size and (size != 3 or bool(got))
         return got
 
@@ -102,7 +105,12 @@ class _Tape(io.BytesIO):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(topic):
-    """Return the streams of one topic and instance: its fields, and the sensors' usual names."""
+    """Return the streams of one instance of a topic, a list.
+
+    `topic` is the data set of pyulog. Fields of the sensors get their usual names, too. The
+    acceleration is a stream by itself if it was sampled at other times than the angular rate. The
+    list is empty without time stamps.
+    """
     fields, name = dict(topic.data), f"{topic.name}_{topic.multi_id}"
     sampled = fields.get("timestamp_sample")
     stamps = sampled if sampled is not None and sampled.any() else fields.get("timestamp")
@@ -138,9 +146,11 @@ def _streams(topic):
 
 
 def _unpacked(stamps, fields):
-    """Return stamps and x, y, z of each sample of first-in first-out buffers.
+    """Return the stamps, us, (m,), and the fields x, y, z, (m,), of all m samples in buffers.
 
-    `timestamp_sample` is the last sample's, `dt` the step between two, in us.
+    Each row of `fields` is a first-in first-out buffer. `stamps` has the time of its last sample,
+    us, and ``dt`` the step between two samples, us. Fields without a buffer are returned as they
+    are.
     """
     width = sum(name.startswith("x[") for name in fields)
     k = np.arange(width)

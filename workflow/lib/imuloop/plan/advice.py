@@ -1,4 +1,4 @@
-"""The parameter that limits a calibration, and the rest or turn that improves it most.
+"""The parameter that limits a calibration, and the rest or turn that lowers its error most.
 
 Nominal SI values are raw readings minus the offset, times the scale of the data sheet.
 """
@@ -25,7 +25,7 @@ INITIAL_REST_S, POSES, REST_S, MOVE_S, FULL_TURN_S = 50.0, 40, 4.0, 2.0, 5.0
 # angular rate at which errors of the gyroscope's output are compared, rad/s; errors of the
 # accelerometer's output are compared at 1 g
 RATE_IN_USE = 100 * DEGREE
-# upward directions, (26, 3), if a face, an edge or a corner of a box is up
+# directions that are up, on body axes, (26, 3), if a face, an edge or a corner of a box is up
 ATTITUDES = np.array([v / np.linalg.norm(v) for v in product((1.0, 0, -1.0), repeat=3) if any(v)])
 # least angle between a new attitude and all earlier rests, rad
 FAR = 40 * DEGREE
@@ -45,6 +45,7 @@ class Step:
     axis: str | None = None
 
     def __str__(self):
+        """Return the instruction for the user."""
         if self.axis:
             return f"turn it by 360° about {self.axis}, with that axis level"
         return f"turn it until {direction_words(self.up)} is up, and let go for {REST_S:.0f} s"
@@ -113,16 +114,18 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     recording : Recording
         Poses and rotations so far, at least one pose.
     enough : ndarray, shape (6,)
-        Errors of the channels ax … gz that are good enough, SI.
+        Error of each channel, ax … gz, that is good enough, SI.
     letters : str
-        First letters of the names of the parameters that count: T, K and b.
+        First letters of the names of the parameters that may limit the calibration: T for
+        misalignments, K for scale factors and b for biases.
     """
     needs = set() if recording.poses.temperature is None else {"temperature"}
     effects = [
         SensorEffect(e.effect, sensor)
         for sensor in SENSORS
         for e in getattr(calibration, sensor).effects
-        # effects that do not depend on the course of time: any rest or turn shows them
+        # only effects that do not depend on time or on a rate of change: any rest or turn shows
+        # them
         if not (e.effect.timed or e.effect.rate_of_change) and needs.issuperset(e.effect.needs)
     ]
     (state, covariance), limits = state_of(calibration, effects), []
@@ -166,7 +169,7 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
 
 
 def upward(calibration, poses):
-    """Return the upward direction on body axes in each of n poses, shape (n, 3)."""
+    """Return the upward direction in each of n poses as unit vectors on body axes, (n, 3)."""
     force = calibration.accelerometer.aligned(poses.f)
     return force / np.linalg.norm(force, axis=1)[:, None]
 
@@ -174,9 +177,9 @@ def upward(calibration, poses):
 def candidates(up):
     """Return the Steps to choose from, a list, after n rests.
 
-    These are rests far from all earlier rests, as an effect can hide in an attitude that was never
-    tried. If there is no such attitude, they are rests far from the last rest, and turns about each
-    axis. `up`, (n, 3), are the upward directions of the rests on body axes.
+    These are rests in attitudes far from all earlier rests, as an effect can hide in an attitude
+    that was never tried. If there is no such attitude, they are rests far from the last rest, and a
+    turn about each axis. `up` are the upward directions of the rests on body axes, (n, 3).
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
@@ -184,7 +187,7 @@ def candidates(up):
 
 
 def simulate_steps(steps, now, calibration, recording):
-    """Return the Recording of m steps without noise, with two rests and a turn for each step.
+    """Return a simulated Recording of m steps without noise: two rests and a turn for each step.
 
     Each step is its own session. The rests are as long and as noisy as the median rest of
     `recording`, and the turns are as undersampled as the turns in it.

@@ -1,4 +1,4 @@
-"""Coaching while a session is recorded: its results so far, and the next rest or turn."""
+"""Results of a session while it is recorded, and the next rest or turn."""
 
 from dataclasses import dataclass, replace
 
@@ -27,8 +27,8 @@ class Progress:
 
     duration_s: float  # length of the session, s
     up: np.ndarray  # (n, 3): upward direction in each pose on body axes
-    # by sensor, the largest standard error of relative scale factors and misalignments, rad;
-    # infinite before the first estimate
+    # for each sensor, the largest standard error of its misalignments, rad, and relative scale
+    # factors; infinite before the first estimate
     worst: dict
     advice: str  # the next step, words
     # whether all errors are good enough, and the poses enough to test for missing effects
@@ -47,10 +47,11 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     units : pair of RawUnit
         Raw unit of the accelerometer and of the gyroscope.
     noise : NoiseModel, optional
-        Noise of the device, as from `rest_noise`; by default white noise with the variance of the
-        samples in the rests.
+        Noise of the device, as `rest_noise` estimates it. By default it is white noise with the
+        variance of the samples in the rests.
     within : float
-        Largest relative scale factor error, and misalignment, rad, that is good enough.
+        Largest standard error of relative scale factors, and of misalignments, rad, that is good
+        enough.
     """
     t = samples["t"].to_numpy()
     early = Progress(float(np.ptp(t)), np.empty((0, 3)), dict.fromkeys(SENSORS, np.inf), "")
@@ -82,7 +83,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 
 
 def rest_noise(samples):
-    """Return the NoiseModel of the rests of a session, with flicker and random walk.
+    """Return the NoiseModel of a session, estimated from its rests, with flicker and random walk.
 
     `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
     """

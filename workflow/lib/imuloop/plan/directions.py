@@ -1,17 +1,20 @@
-"""Directions on the sphere: the largest hole between some of them, and their names."""
+"""Directions on the sphere: their names, and the one farthest from all directions of a set."""
 
 import numpy as np
 
 from imuloop.core.sphere import fibonacci_lattice
 
-# least angle from the nearest attitude at which another pose is worthwhile, degrees
+# another pose is worthwhile if its angle to the nearest attitude is at least this, degrees
 WIDE_HOLE = 50.0
-# least component of a direction that is part of its name
+# an axis is part of the name of a direction if its component exceeds this
 LEANS = 0.35
 
 
 def largest_hole(directions):
-    """Return the direction farthest from unit vectors, (n, 3), and its angle to them, rad."""
+    """Return the direction farthest from all given directions, (3,), and its angle, rad.
+
+    `directions` are unit vectors, (n, 3). The angle is to the nearest of them.
+    """
     # directions about 4 degrees apart
     grid = fibonacci_lattice(2000)
     nearest = (grid @ np.asarray(directions).T).max(axis=1)
@@ -20,6 +23,9 @@ def largest_hole(directions):
 
 
 def direction_words(vector):
-    """Return the name of a direction, (3,): the axes with a large component, such as ``+x −z``."""
+    """Return the name of a direction: the axes with a large component, such as ``+x −z``.
+
+    `vector` is a unit vector, (3,).
+    """
     signs = zip(vector, "xyz", strict=True)
     return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > LEANS)
