@@ -1,15 +1,18 @@
 """A job that fails stops its device alone, ends the run with an error, and is tried again."""
 
+import os
 import re
 import shutil
-from contextlib import ExitStack
+from contextlib import ExitStack, chdir
 
 import pandas as pd
 import pytest
+import yaml
 
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
+from imuloop.failures import report_failed_run
 from workflow.run import snakemake
 from workflow.test_caching import edit, planned_jobs
 
@@ -81,6 +84,19 @@ def test_the_next_run_tries_again(runs):
     for jobs in (found[1][3], mended):
         assert stages_of(jobs, "resting") == {"diagnose", "allan", "report_device"}
         assert "report_device" in stages_of(jobs, "posed") and "report/report" in jobs
+
+
+def test_a_part_that_is_older_than_a_result_is_not_shown(runs):
+    """As after a run that ended at the first failure, before a changed device was reported."""
+    folder, *_ = runs
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    page, noise = (folder / "results/posed" / name for name in ("section.html", "noise.json"))
+    page.write_text("an earlier part")
+    os.utime(noise, (page.stat().st_mtime + 5,) * 2)
+    with chdir(folder):
+        report_failed_run(config)
+    assert not page.exists()
+    assert 'id="posed"' not in (folder / "results/report.html").read_text("utf-8")
 
 
 def test_a_log_that_lacks_a_declared_column_is_rejected(tmp_path):

@@ -116,8 +116,8 @@ def _failure(name, device, config):
     made = Path("results", name, OUTPUTS["report_device"]).stat().st_mtime
     files = (path for path in (*map(Path, logs), *results) if path.exists())
     if any(path.stat().st_mtime > made for path in files):
-        why, log = "the run stopped before this stage", f"logs/report_device/{name}.log"
-        return Failure(name, device["label"], "report_device", why, log)
+        log = f"logs/report_device/{name}.log"
+        return Failure(name, device["label"], "report_device", INTERRUPTED, log)
     return None
 
 
