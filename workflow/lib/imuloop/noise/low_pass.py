@@ -5,13 +5,14 @@ rate, and N is the density in front of the filter.
 """
 
 from dataclasses import replace
+from functools import partial
 from math import sqrt
 
 import numpy as np
 
 from imuloop.core.noise_model import DEGREES, Coefficient, LowPassTerm
 from imuloop.noise.gains import GAINS, LowPass, density
-from imuloop.noise.likelihood import CLOSE, likeliest
+from imuloop.noise.likelihood import likeliest
 from imuloop.noise.processes import NAMES
 from imuloop.noise.selection import correlation_times
 
@@ -37,9 +38,8 @@ def choose_low_pass(selection):
     level = replace(selection, likelihood=replace(modes, slow=modes.slow - ramp * modes.rho))
     unfiltered = level.fit(NAMES)
     start = np.append(unfiltered.theta, 0.0)
-    values = {
-        kind: [_fit(level, kind, corner, start, ROUGH)[0] for corner in CORNERS] for kind in GAINS
-    }
+    rough_fit = partial(_fit, level, start=start, close=ROUGH)
+    values = {kind: [rough_fit(kind, corner)[0] for corner in CORNERS] for kind in GAINS}
     # a filter has at least two parameters, and each has to gain `PRICE`
     if max(map(max, values.values())) - unfiltered.value < 2 * PRICE:
         return selection
@@ -52,18 +52,18 @@ def choose_low_pass(selection):
     return filtered if better else selection
 
 
-def _fit(selection, kind, corner, start=None, close=CLOSE):
+def _fit(selection, kind, corner, **options):
     """Return the log-likelihood of the terms Q, N, B, K behind a filter, and the LowPass.
 
-    `kind` is a key of `GAINS`, and `corner` a share of the sampling rate.
-    The floor of the filter, the share of white noise that enters behind it, is fitted too. `start`,
-    (5,), holds variances near the maximum: of Q, N, B, K and of the white noise behind the filter.
-    The fit ends when the log-likelihood grows by less than `close`.
+    `kind` is a key of `GAINS`, and `corner` a share of the sampling rate. The floor of the filter,
+    the share of white noise that enters behind it, is fitted too. The options are those of
+    `Likelihood.fit`: `start`, (5,), holds variances near the maximum, of Q, N, B, K and of the
+    white noise behind the filter; the fit ends when the log-likelihood grows by less than `close`.
     """
     low_pass = LowPass(kind, float(corner))
     units = replace(selection, low_pass=low_pass).units(NAMES)
     units = np.column_stack([units, selection.unit("N")])
-    fit = selection.likelihood.fit(units, start=start, close=close)
+    fit = selection.likelihood.fit(units, **options)
     white, behind = fit.theta[NAMES.index("N")], fit.theta[-1]
     floor = float(behind / (white + behind)) if behind else 0.0
     return fit.value, replace(low_pass, floor=floor)

@@ -129,10 +129,7 @@ def misalignment_table(device, sensor):
     )
     for v in values:
         rows[v.axis[0]][v.axis[1]] = shade(v.value, v.std, largest, display)
-    note = (
-        "A value says how much of the column's axis appears on the row's. Values above 2 σ are "
-        "coloured by sign."
-    )
+    note = "How much of a column's axis appears on a row's. Values above 2 σ are coloured by sign."
     title = f"{sensor.capitalize()}: misalignment ± 1 σ"
     rows = [(f"on {axis}", *cells.values(), display.unit) for axis, cells in rows.items()]
     return Table(title, ("Axis", *XYZ, "Unit"), rows, note) if values else None
