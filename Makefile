@@ -18,14 +18,10 @@ report: setup
 		results/report.html
 	@echo "Open results/report.html"
 
-# docs/report.png, the first screen of the report of config.yaml; needs Chromium
-BROWSER ?= chromium
-picture: report
-	$(BROWSER) --headless --no-sandbox --hide-scrollbars --window-size=1400,880 \
-		--screenshot=docs/report.png file://$(CURDIR)/results/report.html
-	$(BIN)/python -c 'from PIL import Image; \
-		Image.open("docs/report.png").convert("RGB").quantize(48, Image.Quantize.MAXCOVERAGE, \
-		dither=Image.Dither.NONE).save("docs/report.png", optimize=True)'
+# docs/report.png and docs/report_390.png, the first screen of the report of config.yaml; needs Chromium
+BROWSER ?= /usr/bin/chromium
+picture: report setup-dev
+	$(BIN)/python docs/picture.py results/report.html $(BROWSER)
 
 # the config's schema and docs/settings.md, from the models of its keys
 settings: setup

@@ -35,7 +35,7 @@ def test_a_filter_gets_the_worst_axis_or_its_limit_raised_for_the_flicker(summar
         assert cell.value == pytest.approx(bounds[0] * gain.max(), rel=1e-12)
         assert float(cell.text) == pytest.approx(cell.value, rel=5e-3)
         axis, own = "xyz"[int(gain.argmax())], getattr(axes[0], term).size * gain.max()
-        limit = f"{axis}, not seen: 95 % limit" if term == "K" else f"axis {axis}"
+        limit = f"axis {axis}: none seen, so its 95 % limit" if term == "K" else f"axis {axis}"
         assert cell.below == f"{limit}, raised from {own:.2e}"
     # large enough next to the white noise that was raised
     assert k_g.value == pytest.approx(3e-6 * gain.max(), rel=1e-12)

@@ -103,7 +103,7 @@ CONTRADICTS = "1 turn contradicts all others and was left out: poses from 120 to
 SAID = [
     # a verdict “explained” with a residual that stays as it was
     (record("explained", "rotation", "g_sensitivity") | FELL,
-     "rate left at rest: held-out root mean square falls from 0.115 °/s to 0.0115 °/s"),
+     "Residual angular rate at rest: held-out root mean square falls from 0.115 °/s to 0.0115 °/s"),
     (record("unexplained") | SLOW,
      "motion between samples adds 0.229°"),
     (record("consistent") | SLOW, "record at 150 Hz or more"),

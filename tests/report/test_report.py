@@ -113,7 +113,7 @@ def test_the_figures_of_the_first_screen_are_those_of_the_files(html, page, resu
     found = {
         "before": re.match(r"([\d.]+)", sizes),
         "after": re.match(r"\S+ ?m?g? before and ([\d.]+\d)", sizes),
-        "floor": re.search(r"the noise alone gives ([\d.]+\d)", sizes),
+        "floor": re.search(r"the noise alone would give about ([\d.]+\d)", sizes),
     }
     for key, size in found.items():
         if size:

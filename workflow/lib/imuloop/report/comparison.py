@@ -199,7 +199,7 @@ def filter_cells(summary):
             continue
         axis, raised = density["axis"], density["raised_from"]
         words = f"axis {axis}: none seen, so its 95 % limit" if density["limit"] else f"axis {axis}"
-        words += "" if raised is None else f", raised from {raised:.2e} to bound the Allan curve"
+        words += "" if raised is None else f", raised from {raised:.2e}"
         row.append(Cell(f"{density['value']:.2e}", words, value=density["value"]))
     return row
 

@@ -58,7 +58,7 @@ class SessionResults:
 
     @cached_property
     def samples(self):
-        """The samples, a column at a time."""
+        """The Samples of the session, a table whose columns are read when they are first used."""
         return Samples(self.samples_path)
 
 
