@@ -110,6 +110,8 @@ def draw_loop(area, errors, ends):
     words, colours, marks = zip(
         *(STAGES[s] for s in STAGES if any(e[s] is not None for e in errors)), strict=True
     )
+    # a device that only rested has no calibration
+    words = words if any(e["logged"] is not None for e in errors) else ("before", *words[1:])
     keys = [
         Line2D([], [], color=colour, marker=mark, ls="", ms=8)
         for colour, mark in zip(colours, marks, strict=True)
