@@ -20,7 +20,7 @@ from imuloop.commands.lines import say
 from imuloop.commands.logs import Log
 from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import refuse_overwriting
+from imuloop.core.files import make_folder, refuse_overwriting
 from imuloop.core.units import STANDARD_GRAVITY
 
 
@@ -59,7 +59,7 @@ def _read_log(text):
 def run(arguments):
     """Write the results of one device; raise an ImuloopError if nothing was measured."""
     folder = results_folder(arguments.output, "-o", arguments)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     try:
         # temporary files are in the folder, where there is room for the results
         with tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as temporary:

@@ -19,7 +19,7 @@ from imuloop.commands.logs import LOG, Log, find_segments, read_log
 from imuloop.commands.options import add_arguments
 from imuloop.config import known_figures
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import refuse_overwriting
+from imuloop.core.files import make_folder, refuse_overwriting
 from imuloop.core.segments import MOTION
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
@@ -61,7 +61,7 @@ def run(arguments):
     say(*noise_lines(estimate.to_dict(), known_figures(arguments.declared)["data_sheet"]))
     say(*(f"warning: {w}" for w in quality.get("warnings", ())))
     if folder:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         estimate.to_json(folder / "noise.json")
         paths = [folder / "noise.json", *write_formats(folder, log.name, estimate)]
         paths += write_curves(folder, session, estimate)
