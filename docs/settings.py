@@ -6,17 +6,19 @@ from pathlib import Path
 
 import yaml
 
-from imuloop import config_model
+from imuloop import config_files, config_model, config_session
 from imuloop.config import STAGES
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
 TABLE = REPOSITORY / "docs/settings.md"
+# models by name
+MODELS = vars(config_files) | vars(config_session) | vars(config_model)
 # keys of all logs of a device: as for a session
 SHARED = ("format", "rate", "columns", "units")
 HEAD = """# Keys of a config
 
-Made by `make settings` from `workflow/lib/imuloop/config_model.py` and the stages' settings.
+Made by `make settings` from `workflow/lib/imuloop/config_*.py` and the stages' settings.
 A key with – is needed. Limits: `workflow/schemas/config.schema.yaml`.
 """
 
@@ -26,7 +28,7 @@ def schema():
     made = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     made |= _plain(config_model.Config.model_json_schema())
     for name, model in [(None, made), *made["$defs"].items()]:
-        _describe(model, getattr(config_model, name or "Config", None))
+        _describe(model, MODELS[name or "Config"])
     options = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None, "width": 100}
     return f"# made by `make settings` from imuloop.config_model\n{yaml.safe_dump(made, **options)}"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beside import NOMINAL
-from imuloop.calibrate.reference import Places, ReferenceLog, Turns
+from imuloop.calibrate.reference_windows import Places, ReferenceLog, Turns
 
 
 @pytest.mark.parametrize("rate", [28.5, 33.3, 100.0, 285.7])

@@ -21,7 +21,7 @@ import pytest
 import yaml
 from backports import zstd
 
-from imuloop import config_model
+from imuloop import config_session
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
 from imuloop.ingest.formats import (
@@ -286,7 +286,7 @@ def test_every_bit_comes_back(hard, tmp_path, write, stamps_kept, values_kept):
 
 
 def test_the_config_names_all_formats():
-    assert config_model.FORMATS == (*FORMATS,)
+    assert config_session.FORMATS == (*FORMATS,)
 
 
 @pytest.mark.parametrize(("head", "name"), SIGNATURES.items())

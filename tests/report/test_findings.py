@@ -4,10 +4,10 @@ from itertools import product
 
 import pytest
 
+from imuloop.report.effect_tables import steps_table
 from imuloop.report.findings import ABOVE, BOTH, UNTESTED, VERDICTS, answers, block_of, blocks, card
 from imuloop.report.numbers import NO_NUMBER
 from imuloop.report.page import RESIDUALS, phrase
-from imuloop.report.tables import steps_table
 from imuloop.report.units import data_sheet
 from report.plausible_diagnosis import residual
 

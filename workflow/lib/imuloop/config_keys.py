@@ -1,11 +1,22 @@
-"""Types for config values that may have one of several types, and mappings with all faults."""
+"""General types of config values, of one or several types, and mappings that report all faults."""
 
 from typing import Annotated, Union
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from imuloop.core.errors import nearest
 
+Text = Annotated[str, Field(min_length=1)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, strict=True, allow_inf_nan=False)]
 # a value may have one of several types; each is a branch in pydantic's errors, whose name begins
 # with these words, as no key does
 BRANCH = "branch of the type: "

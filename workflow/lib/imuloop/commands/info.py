@@ -23,16 +23,11 @@ from imuloop.core.files import read_json
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
+from imuloop.report.data_tables import quality_figures
+from imuloop.report.effect_tables import constants_text, parameter_rows
 from imuloop.report.numbers import number, text_of
 from imuloop.report.results import XYZ, DeviceResults
-from imuloop.report.tables import (
-    coefficient_table,
-    constants_text,
-    misalignment_table,
-    parameter_rows,
-    parameter_table,
-    quality_figures,
-)
+from imuloop.report.tables import coefficient_table, misalignment_table, parameter_table
 from imuloop.result import verdict_lines
 
 

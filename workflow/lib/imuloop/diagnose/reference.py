@@ -4,7 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc, chdtri, chndtrinc
 
-from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_reference, windows_of
+from imuloop.calibrate.reference import fit_set_up
+from imuloop.calibrate.reference_windows import LEAST_WINDOWS, read_reference, windows_of
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.tables import no_tables

@@ -8,7 +8,7 @@ from imuloop.report.long_table import PARAMETERS
 from imuloop.report.numbers import number, probability, with_sigma
 from imuloop.report.page import RECORDS, WORDS, effect_words, phrase
 from imuloop.report.results import XYZ
-from imuloop.report.tables import Sized, Table
+from imuloop.report.table import Sized, Table
 from imuloop.report.units import PERCENT, QUANTITIES, Display
 
 

@@ -9,8 +9,9 @@ import imuloop.effects  # noqa: F401
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.model.calibration import UNEXPLAINED
-from imuloop.report import tables
+from imuloop.report import effect_tables, tables
 from imuloop.report.comparison import summarise
+from imuloop.report.data_tables import data_table
 from imuloop.report.figures.attitude import attitude_finding
 from imuloop.report.figures.drawing import Picture
 from imuloop.report.figures.opening import opening_pictures
@@ -76,7 +77,7 @@ def content(device):
         "parts": parts,
         "verdicts": verdicts,
         "exports": listed(device.folder / "exports.json"),
-        "data": tables.data_table(device),
+        "data": data_table(device),
         "basis": {sensor: WORDS["methods"][method] for sensor, method in methods.items()},
         "reasons": tables.reasons(device),
         "unexplained": [s for s in SENSORS if getattr(final, s).unexplained],
@@ -94,10 +95,10 @@ def content(device):
 
 def diagnosis_part(device, block):
     """Return the values of the template for the diagnosis of a sensor in one kind of data."""
-    made = [tables.steps_table(block)]
-    made += [tables.effect_table(block, effect) for effect in block["effects"]]
+    made = [effect_tables.steps_table(block)]
+    made += [effect_tables.effect_table(block, effect) for effect in block["effects"]]
     if block["part"] == "reference":
-        made.append(tables.set_up_table(block))
+        made.append(effect_tables.set_up_table(block))
     return {
         # target of the links to this part
         "identity": f"{device.name}.{block['sensor']}.{block['part']}",
@@ -108,6 +109,6 @@ def diagnosis_part(device, block):
         "words": block["verdict"].replace("_", " "),
         "sentence": phrase("verdict", b=block, short=True),
         "effects": [t for t in made if t],
-        "ranking": tables.ranking_table(block),
+        "ranking": effect_tables.ranking_table(block),
         **{kind: make(device, block) for kind, make in OF_RECORD.items()},
     }

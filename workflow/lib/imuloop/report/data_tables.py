@@ -1,0 +1,84 @@
+"""The table of the logs of a device: their size, their clock and their faults."""
+
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    duration,
+    number,
+    text_of,
+)
+from imuloop.report.page import WORDS
+from imuloop.report.table import Table
+
+# a figure of quality.json that has one of these texts in each session gets no row
+NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"}
+
+
+def data_table(device):
+    """Return the table of sessions, a column per session: rows, rate, every fault counted."""
+    columns = []
+    for s in device.sessions:
+        status = "rejected" if s.rejected else "used"
+        columns.append({"Kind": s.kind, "Status": status} | quality_figures(s.quality))
+    # a figure that no session has needs no row
+    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
+    return Table(
+        "Sessions and the quality of their logs",
+        ("Figure, unit", *(session.name for session in device.sessions)),
+        [row for row in rows if not NOTHING.issuperset(row[1:])],
+    )
+
+
+def quality_figures(q):
+    """Return the figures of `q`, the content of quality.json, as text by their name and unit."""
+    jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
+    names = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
+    mended = text_of({name: clock.get(key) for name, key in names.items()})
+    # saturation is unknown without a full scale
+    clipped = {k: v for k, v in q["clipped"].items() if v is not None}
+    dropped = WORDS["dropped"].items()
+    return {
+        "Rows used": text_of(q["rows"]),
+        "Duration": duration(q["duration_s"]),
+        "Rate, Hz": number(q["rate_hz"], 5),
+        "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
+        "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else mended,
+        "Clock error by the declared rate, ppm": number(clock.get("drift_ppm")),
+        "Clock error by GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
+        "Gaps": text_of(q["gaps"]["count"]),
+        "Length of all gaps, s": number(q["gaps"]["total_s"]),
+        **{f"{words}, rows": text_of(q[key]) for key, words in dropped},
+        "Clipped, values": text_of(clipped) if clipped else "not known, no full_scale",
+        "Constant channels": text_of(q["constant"]),
+        **_faults(q["faults"]),
+        "Temperature, °C": " to ".join(map(number, limits)) if limits else "not logged",
+        "Start": text_of(q["start"]),
+        "Units as logged": text_of(q["units"]),
+    }
+
+
+def _faults(found):
+    """Return the faults of values as text, by name and unit; ingest leaves them in the samples."""
+
+    def rows(key):
+        """Return the rows of a fault by channel as text."""
+        return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
+
+    held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
+    rests = found.get("rests") or {}
+    figures = {
+        "Zero on all axes, rows": text_of(found.get("zero_rows")),
+        "Stuck at one value, rows": rows("stuck"),
+        "Without noise at rest": text_of(found.get("silent_at_rest")),
+        "Spikes of one sample, not removed": text_of(found.get("spikes")),
+        "Clipped at a repeated extreme, rows": rows("clipped_at"),
+        "Rows per new value": text_of(held) if held else "1",
+        "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
+        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
+        "Correlation of gyroscope turns with gravity turns (1 is perfect)": number(
+            (found.get("axes") or {}).get("agreement")
+        ),
+        "Turn by the gyroscope per turn of gravity, rest to rest": number(
+            (rests.get("turn_ratio") or {}).get("value")
+        ),
+    }
+    return figures if found else dict.fromkeys(figures, NO_NUMBER)

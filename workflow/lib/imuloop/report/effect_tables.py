@@ -1,0 +1,183 @@
+"""The tables of the effects that a diagnosis added or tried."""
+
+import re
+
+from imuloop.core.errors import plural
+from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.model.effect import Effect
+from imuloop.report.findings import record_title, residual_text
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    duration,
+    interval_text,
+    percent,
+    probability,
+    text_of,
+    with_sigma,
+    with_unit,
+)
+from imuloop.report.page import RECORDS, RESIDUALS, WORDS, effect_words
+from imuloop.report.results import XYZ
+from imuloop.report.table import Sized, Table, shade
+from imuloop.report.units import data_sheet, spans
+
+# the name of an effect's parameter whose last letter or digit is an axis: G01, c2x, rxy
+OF_AXIS, OF_AXES = re.compile(r"(\w+)([xyz0-2])"), re.compile(r"[A-Z][0-2][0-2]")
+# status of a candidate effect, best first
+UNTRIED = ("not_observable", "not_available")
+STATUS = ("added", "confounded", "rejected", *UNTRIED)
+
+
+def steps_table(block):
+    """Return the table of effects in the order they were added in, or an empty list."""
+    residuals, rows = block["residuals"], []
+    for place, effect in enumerate(block["effects"], 1):
+        name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
+        # the unit of a residual that the block lacks is not known
+        if name in residuals:
+            sizes = {when: effect[f"heldout_{when}"] for when in ("before", "after")}
+            errors = [residual_text(residuals[name] | sizes, when) for when in sizes]
+        chance, ratio = probability(effect["p_value"]), interval_text(effect["ratio_ci95"])
+        rows.append((f"{place}. {effect_words(effect)}", chance, RESIDUALS[name], *errors, ratio))
+    return rows and Table(
+        f"{record_title(block)}: effects added, in order",
+        ("Effect", "p-value", "Held-out error of", "Before", "After", "Ratio after/before, 95 %"),
+        rows,
+        "Errors of the clearest axis; the verdict’s are of all axes, with effects chosen per fold.",
+    )
+
+
+def parameter_rows(effect):
+    """Return a row for each parameter of an effect: name, value ± σ, unit as in data sheets."""
+    rows = []
+    for name, value in effect["parameters"].items():
+        display, sigma = data_sheet(effect["units"][name]), effect["std"].get(name)
+        text = with_sigma(value, sigma, display.factor)
+        rows.append((f"{name}{_step(effect, name)}", text, display.unit))
+    return rows
+
+
+def matrix_rows(effect):
+    """Return rows of an effect's parameters, a column per axis; empty if they have no axes."""
+    values, units, largest, rows = effect["parameters"], effect["units"], {}, {}
+    if not all(map(OF_AXIS.fullmatch, values)):
+        return []
+    # values of one unit share their colours
+    for name, value in values.items():
+        largest[units[name]] = max(largest.get(units[name], 0.0), abs(value))
+    for name, value in values.items():
+        stem, axis = OF_AXIS.fullmatch(name).groups()
+        display, axis = data_sheet(units[name]), XYZ[int(axis)] if axis.isdigit() else axis
+        # of two axes in a name, the first one is the axis of the sensor
+        stem = f"{stem[:-1]}, on {XYZ[int(stem[-1])]}" if OF_AXES.fullmatch(name) else stem
+        row = rows.setdefault(stem, dict.fromkeys(XYZ, NO_NUMBER) | {"unit": display.unit})
+        row[axis] = shade(value, effect["std"].get(name), largest[units[name]], display)
+    return [(f"{stem}{_step(effect, stem)}", *cells.values()) for stem, cells in rows.items()]
+
+
+def _step(effect, name):
+    """Return a text with session and time of the step whose number is in a parameter's name.
+
+    The text is empty if the name has no such number.
+    """
+    sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
+    step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
+    known = 0 <= step < min(len(sessions), len(times))
+    return f", {sessions[step]} at {duration(times[step])}" if known else ""
+
+
+def effect_table(block, effect):
+    """Return the table of parameters ± σ of an effect that was added."""
+    known = Effect.library.get(effect["name"])
+    rows, columns = matrix_rows(effect), ("Parameter", *XYZ, "Unit")
+    if effect["name"] == TurnOnBias.name or not rows:
+        rows, columns = parameter_rows(effect), ("Parameter", "Value ± 1 σ", "Unit")
+    if effect["name"] == TurnOnBias.name:
+        shown = data_sheet(next(iter(effect["units"].values())))
+        std, interval = TurnOnBias(**effect["constants"]).repeatability(effect["parameters"])
+        for axis, value, low, high in zip(XYZ, std, *interval, strict=True):
+            ends = f"{shown.size(low)} to {shown.text(high)}"
+            label = f"over power cycles, {axis}: 1 σ, 95 % interval {ends}"
+            rows.append((label, shown.size(value), shown.unit))
+    note = f"{known.equation} ({known.reference})." if known else ""
+    if block["part"] == "reference":
+        note = (
+            "The reference's clock shows t + dt where the log is stamped t; r is the vector from "
+            "the marker to the IMU."
+        )
+    if constants := constants_text(effect["constants"]):
+        note = f"{note} The variant with the least error: {constants}.".strip()
+    place = f"the {block['sensor']} ({RECORDS[block['part']]})"
+    return Table(f"{effect_words(effect)}, added to {place}, ± 1 σ", columns, rows, note)
+
+
+def set_up_table(block):
+    """Return the table of bias and mounting of sessions with a reference, or an empty list."""
+    rows = []
+    for session, content in block.get("set_up", {}).items():
+        rows += [(f"{session}, {name}", *cells) for name, *cells in parameter_rows(content)]
+    note = "b: bias as logged. m: rotation vector from the axes of the body to the reference's."
+    title = f"{block['sensor'].capitalize()}, sessions with a reference"
+    return rows and Table(title, ("Parameter", "Value ± 1 σ", "Unit"), rows, note)
+
+
+def ranked(block):
+    """Return the candidates of a diagnosis, sorted by status.
+
+    Within a status, added effects are in the order of their addition, and others are sorted by
+    p-value.
+    """
+    order = [effect["name"] for effect in block["effects"]]
+    return sorted(
+        block["candidates"],
+        key=lambda c: (
+            STATUS.index(c["status"]),
+            order.index(c["name"]) if c["name"] in order else len(order),
+            float("inf") if c["p_value"] is None else c["p_value"],
+        ),
+    )
+
+
+def ranking_table(block):
+    """Return the table of the effects that were tried, with status and detection limits.
+
+    The result is None if no effect was tried.
+    """
+    candidates = ranked(block)
+    tried = [c for c in candidates if c["status"] not in UNTRIED]
+    if not tried:
+        return None
+    rows, notes, pairs = [], [], {}
+    for c in tried:
+        status, twin = c["status"].replace("_", " "), c["confounded_with"]
+        status += f" with {effect_words({'name': twin})}" if twin else ""
+        limits = "; ".join(spans(c["detection_limit"] or {}, c.get("units", {})))
+        rank = STATUS.index(c["status"])
+        rows.append((effect_words(c), Sized(status, rank), limits or NO_NUMBER))
+    if untried := len(candidates) - len(tried):
+        count = plural(untried, "more effect")
+        notes.append(f"{count} could not be tested with these data; diagnosis.json says why.")
+    for pair in block["confounded"]:
+        names = frozenset((pair["effect"], pair["with"]))
+        words = (effect_words({"name": pair[key]}) for key in ("effect", "with"))
+        pairs.setdefault(names, f"{' and '.join(words)} (share in common {percent(pair['share'])})")
+    if pairs:
+        notes.append(f"Cannot be told apart in these data: {', '.join(pairs.values())}.")
+    title = f"{record_title(block)}: candidate effects, by status and p-value"
+    heads = ("Effect", "Status", "Would be seen from")
+    return Table(title, heads, rows, " ".join(notes), dense=True, sortable=True)
+
+
+def constants_text(constants):
+    """Return the constants of an effect's variant, such as order or time constant, in words."""
+    parts = []
+    for name, value in constants.items():
+        if name == "times":
+            more = ", …" * (len(value) > 3)
+            times = ", ".join(map(duration, value[:3]))
+            parts.append(f"{plural(len(value), 'step')}, {times}{more}")
+        elif name not in ("sessions", "spans"):
+            symbol, unit = WORDS["constants"].get(name, (name.replace("_", " "), ""))
+            text = str(value) if isinstance(value, (int, str)) else text_of(value)
+            parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
+    return ", ".join(parts)
