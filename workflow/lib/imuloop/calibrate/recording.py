@@ -203,6 +203,8 @@ class Recording:
         """
         poses, rotations = self.poses, self.rotations
         for sensor, calibration in calibrations.items():
+            if not calibration.effects:
+                continue
             own, other = OWN[sensor]
             at_poses = self.pose_channels(sensor, calibration.output, getattr(self.poses, other))
             along = self.rotation_channels(
