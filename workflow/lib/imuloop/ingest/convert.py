@@ -1,7 +1,6 @@
 """From the rows of a log to samples: SI units, time from zero, faulty rows dropped and counted."""
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
@@ -19,7 +18,9 @@ from imuloop.ingest.spellings import SENSORS
 BEYOND = 1e10
 
 
-_of_channels = partial(dict.fromkeys, CHANNELS, 0)
+def _of_channels():
+    """Return a zero for each channel, a dict."""
+    return dict.fromkeys(CHANNELS, 0)
 
 
 @dataclass
@@ -41,8 +42,6 @@ class Counts:
     duplicates: int = 0
     identical: int = 0
     out_of_order: int = 0
-    without_interval: int = 0
-    by_usual_step: int = 0
     missing_values: dict = field(default_factory=_of_channels)
     impossible_values: dict = field(default_factory=_of_channels)
     spiked: int = 0
@@ -80,72 +79,66 @@ def si_samples(rows, raw_units):
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    values, first, wide, usual = increments.rates(rows)
-    values = rows.values | values
+    rates, first, wide, usual = increments.rates(rows)
     counts = Counts(
         read=len(rows.x),
-        missing_values=dict.fromkeys(values, 0),
-        impossible_values=dict.fromkeys(values, 0),
         time_unit=rows.time_unit,
         clock=rows.clock,
         is_gravity=misread.is_gravity(rows.values),
     )
     if rows.stamped:
         counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
-    logged = {*SENSORS} & {*log.found}
-    unit_of = {name: raw_units[q] for q in logged for name in SENSORS[q]}
+    units = {name: raw_units[q] for q in SENSORS if q in log.found for name in SENSORS[q]}
     if log.temperature:
-        unit_of[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
-    inside, before, bad = rows.inside, rows.before, ~rows.usable
-    for name, raw in values.items():
-        unit = unit_of.get(name)
-        # a channel in SI needs no copy
-        is_si = unit is None or (unit.scale, unit.offset) == (1.0, 0.0)
-        values[name] = x = raw if is_si else unit.to_si(raw)
-        # the comparison is written so that not-a-number fails it
-        if not (x.max(initial=0.0) <= BEYOND and x.min(initial=0.0) >= -BEYOND):
-            wrong = ~(np.abs(x) <= BEYOND)
-            lacks = ~np.isfinite(raw)
-            counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
-            counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))
-            if name == TEMPERATURE:
-                values[name] = np.where(wrong, np.nan, x)
-            else:
-                bad |= wrong
+        units[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
+    inside, bad, values = rows.inside, ~rows.usable, {}
+    for name, raw in (rows.values | rates).items():
+        values[name] = x = units[name].to_si(raw) if name in units else raw
+        lacks, wrong = ~np.isfinite(raw), ~(np.abs(x) <= BEYOND)
+        counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
+        counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))
+        if name == TEMPERATURE:
+            values[name] = np.where(wrong, np.nan, x)
+        else:
+            bad |= wrong
     # the first fate that is true of a row counts; on an even clock the order of stamps does not
     # matter
     fates = {
         "identical": rows.same,
         "outside": ~inside,
         "non_finite": bad,
-        "duplicates": (rows.x == before) & (not rows.even),
-        "out_of_order": (rows.x < before) & (not rows.even),
+        "duplicates": (rows.x == rows.before) & (not rows.even),
+        "out_of_order": (rows.x < rows.before) & (not rows.even),
         "without_interval": first,
     }
-    keep = np.ones(len(rows.x), dtype=bool)
+    keep, numbers = np.ones(len(rows.x), dtype=bool), {}
     for name, mask in fates.items():
-        setattr(counts, name, int(np.count_nonzero(keep & mask)))
+        numbers[name] = int(np.count_nonzero(keep & mask))
         keep &= ~mask
-    counts.by_usual_step = int(np.count_nonzero(keep & wide))
-    counts.increments = increments.figures(rows, counts, usual)
+    intervals = {
+        "usual_step_s": usual,
+        "without_interval": numbers.pop("without_interval"),
+        "by_usual_step": int(np.count_nonzero(keep & wide)),
+    }
+    vars(counts).update(numbers)
+    counts.increments = increments.figures(rows, intervals)
     if not keep.any():
         return no_samples(log), counts
-    # whole columns need no copy
-    first, keep = keep.argmax(), slice(None) if keep.all() else keep
-    zero, t = rows.x[first].item(), rows.times(keep)
-    counts.origin, counts.start_ns = rows.origin, rows.moment(zero)
-    counts.begin_s = float((zero - rows.origin) * rows.scale)
-    samples = {TIME: t} | {name: x[keep] for name, x in values.items()}
+    begin = rows.x[keep.argmax()].item()
+    counts.origin, counts.start_ns = rows.origin, rows.moment(begin)
+    counts.begin_s = float((begin - rows.origin) * rows.scale)
+    samples = {TIME: rows.times(keep)} | {name: x[keep] for name, x in values.items()}
     if rows.even:
         number = rows.even.number(rows.number[keep])
-        samples |= {TIME: (number - number[0]) * rows.even.step, LOGGED_TIME: t}
+        even_t = (number - number[0]) * rows.even.step
+        samples |= {TIME: even_t, LOGGED_TIME: samples[TIME]}
     if rows.timeline:
         counts.pps = rows.timeline.figures_beside(rows.x[keep])
     if log.slower:
-        own = (rows.stamps[HELD][0][keep] - zero) * rows.scale
+        stamps = (rows.stamps[HELD][0][keep] - begin) * rows.scale
         if rows.even:
             # each of its samples gets the rebuilt time of the first row that holds it
-            _, first, which = np.unique(own, return_index=True, return_inverse=True)
-            own = samples[TIME][first][which]
-        samples[OWN_TIME[log.slower]] = own
+            _, first_row, which = np.unique(stamps, return_index=True, return_inverse=True)
+            stamps = samples[TIME][first_row][which]
+        samples[OWN_TIME[log.slower]] = stamps
     return samples, counts

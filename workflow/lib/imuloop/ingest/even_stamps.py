@@ -1,7 +1,7 @@
 """Time stamps of packets, in bursts or scattered are made even if the sensor samples evenly."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -12,51 +12,38 @@ from imuloop.ingest.jitter import jitter_sign
 
 # Time stamps come in bursts if the median step is less than this share of the mean one. Rows that
 # share a time stamp are a packet if the time before or after it has as many steps, less this share
-# of a step. A transfer holds samples back for less than this time, s.
+# of a step. A transfer holds samples back for less than this time, s. A lower peak of a spectrum
+# counts as the highest if it has more than this share of its power.
 HALF = 0.5
 # stamps are made even if the range that holds nine in ten of them is at least this share of a step:
 # a smaller range is noise of a host's clock
 SCATTER = 0.12
-# number of parts of a log, of at least ten rows each, that are tested for whether their stamps lie
-# on one line: fewer parts hide lost samples
-PARTS = 20
-# a smaller number of transfers, missing samples, or rows with a shared stamp may be an accident;
-# also the number of bins per mean step in the spectrum of the stamps
-ENOUGH = 16
+# a smaller number of transfers, missing samples, or rows with a shared stamp may be an accident. It
+# is also the least power of a clock in the spectrum of the stamps, in units of the power of random
+# stamps, the number of bins per mean step in that spectrum, and the number of parts of a log, of at
+# least ten rows each, that are tested for whether their stamps lie on one line
+ENOUGH = 20
 # mean steps in a block of that spectrum, and time stamps in a running mean of the phase: clocks
 # drift slowly
 _BLOCK, _PHASE = 4096, 512
-# least power of a clock in that spectrum, in units of the power of random stamps
-_SURE = 20.0
-# transfers have one size if this share of them has it; a lower peak counts as the highest if it has
-# more than this share of its power
-_NEARLY = 0.8
-# two rates count as the same if they differ by less than this share: a declared rate and the rate
-# of the stamps, and the rates of two sensors
+# transfers have one size if this share of them has it
+_ONE_SIZE = 0.8
+# a declared rate and the rate of the stamps count as the same if they differ by less than this
+# share
 RATE_SHARE = 0.05
-# most bursts of a log that is used: between more of them later stages find no sound stretch, which
-# takes them minutes
-MOST_BURSTS = 1000
 
 
 @dataclass(frozen=True)
 class Even:
     """Samples at even steps, some of which may be lost.
 
-    Attributes
-    ----------
-    step : float
-        Time from sample to sample, s.
-    rows, lost : sequence of int
-        Rows after a loss, and the number of samples lost before each of them in total.
-    complete : bool
-        Whether it is known that no sample is lost.
+    `step` is the time from sample to sample, s. `rows` are the rows after a loss, (m,) of int, and
+    `lost` is the number of samples lost before each of them in total.
     """
 
     step: float
     rows: Sequence = ()
     lost: Sequence = ()
-    complete: bool = False
 
     def number(self, rows):
         """Return the number of the sample in each row, counted with lost samples, (k,) of int."""
@@ -93,49 +80,42 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < 10 * PARTS:
+    if len(t) < 10 * ENOUGH:
         return None
     mean = (t[-1] - t[0]) / (rows[-1] - rows[0])
     if np.ptp(t - mean * rows) < SCATTER / 2 * mean and not packets:
         # evenly spaced as they are; this spares long logs the line
         return None
     step, away = _line(rows, t)
-    scatter, bursts = _width(away), np.median(np.diff(t)) < HALF * step
-    single = not (packets or bursts)
+    scatter = _width(away)
+    single = not packets and np.median(np.diff(t)) >= HALF * step
     too_even = single and (increments or scatter < SCATTER * step)
     if too_even or not np.isfinite(1 / step):
         return None
-    medians = [np.median(part) for part in np.array_split(away, PARTS)]
-    limit = max(scatter, step / 2) if packets else step / 2 if single else scatter
-    on_line = np.ptp(medians) <= limit and scatter <= HALF
+    medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
+    on_line = np.ptp(medians) <= max(scatter, step / 2)
     even, clean = Even(step) if on_line else None, False
-    if numbers := _number_samples(rows, t, packets):
-        first, lost, number, own_t, width = numbers
+    if samples := _number_samples(rows, t, packets):
+        first, stamped, lost, width, clock_step = samples
         losses = np.flatnonzero(np.diff(lost)) + 1
-        own_step, _ = _line(number, own_t)
-        beat = _is_beat(number[losses])
+        beat = _is_beat((stamped + lost)[losses])
         clean = single and width < SCATTER and not beat
-        # one or two may be noise
-        if on_line and (beat or lost[-1] <= 2):
-            losses = losses[:0]
-        if not (beat or clean or losses.size):
-            even = Even(step if on_line else own_step, complete=True)
-        elif losses.size and not clean and np.diff(lost).max() * own_step < HALF:
-            even = Even(own_step, first[losses], lost[losses])
+        # a host that polls faster than the sensor samples misses nothing
+        if not (clean or (on_line and beat)):
+            if not losses.size:
+                even = Even(step if on_line else clock_step)
+            elif np.diff(lost).max() * clock_step < HALF:
+                even = Even(clock_step, first[losses], lost[losses])
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
-    if packets:
-        return even
-    sign = jitter_sign(t, turn_rate, even.step, scatter)
-    if clean:
-        # the stamps of a slower sensor can lie on the same grid: the angular rate tells
-        return replace(even, complete=True) if sign == -1 else None
-    return None if sign == 1 else even
+    sign = 0 if packets else jitter_sign(t, turn_rate, even.step, scatter)
+    # if the stamps show a clock, it may be the sensor's or a grid: the angular rate has to tell
+    return even if sign < (0 if clean else 1) else None
 
 
 def _width(x):
-    """Return the width of the range of nine in ten values x, (n,), a median over `PARTS` parts."""
-    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
+    """Return the width of the range of nine in ten values x, (n,), a median over `ENOUGH` parts."""
+    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, ENOUGH)]
     return np.median(np.ptp(ends, axis=1))
 
 
@@ -165,9 +145,9 @@ def _number_samples(rows, t, packets):
     Returns
     -------
     tuple or None
-        Four arrays with an element for each transfer, or row: its first row, the number of samples
-        lost before it, the number of the sample with its stamp, and its time, s. The fifth element
-        is the width of the scatter of the stamps about the clock, samples.
+        Three arrays with an element for each transfer, or row: its first row, the number of rows
+        up to the one with its stamp, and the number of samples lost before it. Then the width of
+        the scatter of the stamps about the clock, samples, and the step of the clock, s.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)
@@ -179,9 +159,6 @@ def _number_samples(rows, t, packets):
         stamped = np.append(rows[1:], rows[-1] + 1) - rows[1]
     place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
-    if size * (index[-1] - index[0]) < (1 - RATE_SHARE) * stamped[-1]:
-        # a clock of the transfers, not of the sensor
-        return None
     width = _width(place - index)
     lost = size * (index - index[0]) - stamped
     # where stamps scatter, some samples are numbered one too high or low
@@ -189,7 +166,7 @@ def _number_samples(rows, t, packets):
     # after late samples others are in time again; after lost ones they are not
     lost = np.minimum.accumulate(lost[::-1])[::-1]
     lost = lost - lost[0]
-    return rows, lost, stamped + lost, t, size * width
+    return rows, stamped, lost, size * width, _line(stamped + lost, t)[0]
 
 
 def _transfers(rows, t):
@@ -203,7 +180,7 @@ def _transfers(rows, t):
     for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(apart))):
         size = np.diff(rows[starts])
         usual = int(np.median(size)) if len(size) >= ENOUGH else 1
-        if usual > 1 and np.mean(size == usual) >= _NEARLY:
+        if usual > 1 and np.mean(size == usual) >= _ONE_SIZE:
             # the first and the last one may be incomplete
             return usual, rows[starts][1:-1], t[starts][1:-1]
     return 1, rows, t
@@ -228,15 +205,16 @@ def _clock(t):
     power = np.abs(np.fft.rfft(blocks[:: len(blocks) // ENOUGH + 1], length)) ** 2
     # in units of the power of random stamps
     f, power = np.fft.rfftfreq(length, 1 / ENOUGH), power.mean(axis=0) * ENOUGH / size
-    f, power = (each[(f > 1 - ENOUGH / size) & (f <= 2)] for each in (f, power))
+    inside = (f > 1 - ENOUGH / size) & (f <= 2)
+    f, power = f[inside], power[inside]
     # on a grid of stamps the clock has images at higher frequencies; a peak spans four
-    low = np.flatnonzero(power > _NEARLY * power.max())[0]
+    low = np.flatnonzero(power > HALF * power.max())[0]
     peak = f[low + power[low : low + ENOUGH // 2].argmax()]
     for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
-        ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) > _SURE and ones > max(0.3, _NEARLY * more):
+        is_clock = np.mean(step == 1) > np.mean(step > 1)
+        if is_clock and np.interp(clock, f, power) > ENOUGH:
             return clock * mean
     return None
 
@@ -247,15 +225,15 @@ def _phase(x):
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
 
-def _is_beat(at):
-    """Tell whether samples, numbered `at`, are missing because a host polls faster than a sensor.
+def _is_beat(samples):
+    """Tell whether samples, by number, are missing because a host polls faster than a sensor.
 
     Their numbers are then evenly spaced by the beat of the two clocks, which is not a whole number.
     """
-    if len(at) < ENOUGH:
+    if len(samples) < ENOUGH:
         return False
-    apart, away = _line(np.arange(len(at)), at)
-    whole = abs(apart - round(apart)) * len(at) < 2
+    apart, away = _line(np.arange(len(samples)), samples)
+    whole = abs(apart - round(apart)) * len(samples) < 2
     return not whole and np.ptp(np.percentile(away, (5, 95))) < 2
 
 
@@ -271,12 +249,12 @@ def packet_step(rows, t, repeats):
     if repeats < ENOUGH or len(t) < 3:
         return None
     # number of rows with each time stamp, and the steps to the stamps before and after it
-    size, steps, found = np.diff(rows)[1:], np.diff(t), []
+    size, steps, ways = np.diff(rows)[1:], np.diff(t), []
     for is_last, away in ((True, steps[:-1]), (False, steps[1:])):
         step = np.median(away / size).item()
         fits = (away / step > size - HALF)[size > 1]
-        found.append((fits.mean() if fits.size else 0.0, is_last, step))
-    share, is_last, step = max(found)
+        ways.append((fits.mean() if fits.size else 0.0, is_last, step))
+    share, is_last, step = max(ways)
     return (step, is_last) if share >= HALF else None
 
 
@@ -301,37 +279,13 @@ def spread(x, readable, step, is_last):
 
 def rebuilt_line(rows):
     """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
-    even, why = rows.even, "come in bursts, or scatter about a regular clock"
-    remedy = "; where the sensor itself pauses, give rate in Hz"
+    why, even = "come in bursts, or scatter about a regular clock", rows.even
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"
-    elif even and even.complete:
-        why, remedy = f"{why}, no sample is lost", ""
     if not even:
         return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
     lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
-    done = f"t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}"
-    return f"the stamps {why}: {done}{remedy}"
-
-
-# times of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def bursts_fault(t, gaps, rate=None):
-    """Return a line on time stamps in bursts that could not be rebuilt, or None.
-
-    A sensor that pauses by itself is excluded: its pauses are longer, or its rate between them is
-    the declared `rate`, Hz. `t` are the times of the rows, s, (n,), and `gaps` are their gaps as in
-    quality.json.
-    """
-    if not gaps["count"]:
-        return None
-    median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
-    pauses = median >= HALF * mean or gaps["total_s"] > HALF * gaps["count"]
-    if pauses or (rate and abs(median * rate - 1) < RATE_SHARE):
-        return None
     return (
-        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
-        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back. If "
-        "the sensor itself samples evenly, take the row's number for the time: columns.time: null, "
-        f"and about rate: {1 / mean:.4g}"
+        f"the stamps {why}: t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}; "
+        "where the sensor itself pauses, give rate in Hz"
     )

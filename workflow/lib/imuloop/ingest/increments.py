@@ -18,7 +18,7 @@ def factors(units):
 
     `units` are the units of the log by quantity.
     """
-    return {q: known[units[q]] for q, known in INCREMENTS.items() if units.get(q) in known}
+    return {q: scales[units[q]] for q, scales in INCREMENTS.items() if units.get(q) in scales}
 
 
 def are_by_stamps(rows):
@@ -48,64 +48,59 @@ def rates(rows):
     first = wide = np.zeros(len(rows.x), dtype=bool)
     steps, values, usual = rows.even.step if rows.even else rows.scale, {}, None
     if are_by_stamps(rows):
-        before = rows.before
-        first, dt = before < rows.origin, (rows.x - before) * rows.scale
+        starts, dt = rows.before < rows.origin, (rows.x - rows.before) * rows.scale
         forward = rows.usable & (dt > 0)
-        known = dt[forward & ~first][1:]
-        usual = np.median(known).item() if len(known) else None
+        whole = dt[forward & ~starts][1:]
+        usual = np.median(whole).item() if len(whole) else None
         if not rows.even:
-            wide = forward & (dt > gap_limit(usual or np.inf))
+            first, wide = starts, forward & (dt > gap_limit(usual or np.inf))
             # rows that do not go forward are dropped
             steps = np.where(wide, usual, np.where(forward, dt, 1.0))
     for sensor, factor in factors(rows.units).items():
         dt = steps
         if f"interval.{sensor}" in rows.stamps:
             logged, readable, _ = rows.stamps[f"interval.{sensor}"]
-            known = readable & (logged > 0)
-            dt = np.where(known, logged * TIME_SCALES[rows.units["interval"]], np.nan)
+            scale = TIME_SCALES[rows.units["interval"]]
+            dt = np.where(readable & (logged > 0), logged * scale, np.nan)
         values |= {name: rows.values[name] * factor / dt for name in SENSORS[sensor]}
-    return values, first & (not rows.even), wide, usual
+    return values, first, wide, usual
 
 
-def figures(rows, counts, usual):
+def figures(rows, intervals):
     """Return the entry ``increments`` of quality.json for `Rows`; None if they hold no increments.
 
-    `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
+    `intervals` is the part of the entry on intervals by the time stamps: the usual step, s, and the
+    numbers of rows without an interval, and by the usual step.
     """
     sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
-    if not sensors:
-        return None
-    interval = "step of the rows, rebuilt" if rows.even else _BY_STAMPS
-    if "interval" in rows.log.found or not rows.stamped:
-        interval = "logged" if "interval" in rows.log.found else rows.time_unit
-    return {
-        "sensors": sensors,
-        "interval": interval,
-        "usual_step_s": usual,
-        "without_interval": counts.without_interval,
-        "by_usual_step": counts.by_usual_step,
-    }
+    if "interval" in rows.log.found:
+        interval = "logged"
+    elif not rows.stamped:
+        interval = rows.time_unit
+    else:
+        interval = "step of the rows, rebuilt" if rows.even else _BY_STAMPS
+    return {"sensors": sensors, "interval": interval} | intervals if sensors else None
 
 
-def warnings(done, measured):
+def warnings(entry, measured):
     """Return the lines on increments for the user; empty if the log has none.
 
-    `done` is the entry ``increments`` of quality.json, and `measured` are the quality figures of
+    `entry` is the entry ``increments`` of quality.json, and `measured` are the quality figures of
     the samples.
     """
-    if not done or not measured["rate_hz"]:
+    if not entry or not measured["rate_hz"]:
         return []
-    listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in done["sensors"].items())
-    line = f"increments of {listed} divided by their interval: {done['interval']}"
-    if done["without_interval"]:
-        line += f"; {done['without_interval']} at the start has none and is dropped"
-    if done["by_usual_step"]:
-        line += f"; {done['by_usual_step']} after gaps are of one interval too, the usual step "
-        line += f"{done['usual_step_s']:.6g} s"
-    found, share = [line], measured["jitter"]["std_s"] * measured["rate_hz"]
-    if done["interval"] == _BY_STAMPS and share > _JITTER:
-        found.append(
+    listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in entry["sensors"].items())
+    line = f"increments of {listed} divided by their interval: {entry['interval']}"
+    if entry["without_interval"]:
+        line += f"; {entry['without_interval']} at the start has none and is dropped"
+    if entry["by_usual_step"]:
+        line += f"; {entry['by_usual_step']} after gaps are of one interval too, the usual step "
+        line += f"{entry['usual_step_s']:.6g} s"
+    lines, share = [line], measured["jitter"]["std_s"] * measured["rate_hz"]
+    if entry["interval"] == _BY_STAMPS and share > _JITTER:
+        lines.append(
             f"the stamps jitter by {share:.1%} of a step, which the increments turn into noise of "
             "that share of the signal: name columns.interval, or a clock of the sensor"
         )
-    return found
+    return lines

@@ -253,7 +253,6 @@ def check(reading, samples, counts, kind):
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
     if unstated and counts.time_unit == "s":
         in_ms = milliseconds(samples, figures, samples.get(LOGGED_TIME, samples[TIME]), rate)
-    bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
     dropped, channels = figures.pop("isolated")
     if len(dropped):
         number = np.bincount(channels, minlength=len(CHANNELS)).tolist()
@@ -270,10 +269,6 @@ def check(reading, samples, counts, kind):
         checks.Evidence(**of_log, gravity=gravity, nominal=declared.nominal, rate=rate)
     )
     wrong, doubts = findings[checks.MISDECLARED], findings[checks.DOUBTFUL]
-    if bursts:
-        # the rate is wrong, and so are all findings that depend on it
-        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
-        wrong, doubts = ([bursts], []) if many else ([], [bursts])
     wrong += [in_ms] if in_ms else []
     reasons, unread = counts.reasons, findings[checks.UNREADABLE]
     if _state(reading.files.values()) != reading.state:

@@ -9,7 +9,6 @@ from imuloop.ingest import increments, pps
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import STAMP
 from imuloop.ingest.even_stamps import even_samples, packet_step, spread
-from imuloop.ingest.spellings import unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -58,48 +57,45 @@ class Rows:
     repeats = 0
 
     def __init__(self, log, units, declared):
-        self.log, self.units, self.declared = log, units, declared
+        self.log, self.units, self.declared, self.clock = log, units, declared, Clock()
         count, unit = log.batch.num_rows, units["time"]
-        self.clock, self.values = Clock(), dict.fromkeys(CHANNELS, np.zeros(count))
-        self.stamps = {}
+        self.values, self.stamps = dict.fromkeys(CHANNELS, np.zeros(count)), {}
         for name in log.batch.schema.names:
             if name in (*CHANNELS, TEMPERATURE):
                 self.values[name] = log.batch[name].to_numpy(zero_copy_only=False)
             else:
                 self.stamps[name] = stamp_values(log.batch[name])
         self.stamped = STAMP in self.stamps
-        every = None if self.stamped else (np.arange(count), np.ones(count, dtype=bool), False)
-        self.x, self.usable, self.dates = self.stamps.get(STAMP, every)
-        if self.stamped and count and not self.usable.any():
-            raise no_stamps(log.batch[STAMP], log.found["time"])
-        if self.stamped and not self.dates and unit not in TIME_SCALES:
-            if "time" not in declared.units:
-                raise unknown_unit("time", unit)
-            name, known = log.found["time"], ", ".join(TIME_SCALES)
-            raise ImuloopError(
-                f"units.time is ISO 8601, but column '{name}' holds numbers; use one of {known}"
-            )
-        if count and not (self.stamped or declared.rate):
-            raise ImuloopError(
-                f"the log has no time column of a usual name ({log.columns}); "
-                "name it in columns.time, or give rate in Hz"
-            )
-        self.tick = None if self.dates else NANOSECONDS.get(unit)
-        self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
-        if not self.stamped:
+        if self.stamped:
+            self.x, self.usable, self.dates = self.stamps[STAMP]
+            self.tick = None if self.dates else NANOSECONDS.get(unit)
+            self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
+            if count and not self.usable.any():
+                raise no_stamps(log.batch[STAMP], log.found["time"])
+            if self.scale is None:
+                raise ImuloopError(
+                    f"units.time is '{unit}', but column '{log.found['time']}' holds numbers; "
+                    f"declare one of {', '.join(TIME_SCALES)}"
+                )
+        else:
+            self.x, self.usable, self.dates = np.arange(count), np.ones(count, dtype=bool), False
             self.scale = 1 / (declared.rate or 1.0)
-        self.same = np.zeros(count, dtype=bool)
-        at = np.flatnonzero((self.x[1:] == self.x[:-1]) & self.usable[1:]) + 1
+            if count and not declared.rate:
+                raise ImuloopError(
+                    f"the log has no time column of a usual name ({log.columns}); "
+                    "name it in columns.time, or give rate in Hz"
+                )
+        repeats = np.flatnonzero((self.x[1:] == self.x[:-1]) & self.usable[1:]) + 1
         for column in self.values.values():
-            one, other = column[at], column[at - 1]
-            at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
-        self.same[at] = True
+            one, other = column[repeats], column[repeats - 1]
+            repeats = repeats[(one == other) | (np.isnan(one) & np.isnan(other))]
+        self.same = np.zeros(count, dtype=bool)
+        self.same[repeats] = True
 
     @property
     def number(self):
         """Number of the sample in each row, (n,); a row that is written twice is one sample."""
-        number = np.arange(len(self.x))
-        return number - self.same.cumsum() if self.same.any() else number
+        return np.arange(len(self.x)) - self.same.cumsum()
 
     @property
     def origin(self):
@@ -126,9 +122,8 @@ class Rows:
 
     def times(self, keep):
         """Return the times of the rows `keep`, counted from the first of them, s, (k,)."""
-        t = self.x[keep]
-        t = t - t[:1].sum()
-        return np.multiply(t, self.scale, out=t if t.dtype.kind == "f" else None)
+        x = self.x[keep]
+        return (x - x[0]) * self.scale
 
     def moment(self, stamp):
         """Return a time stamp in its unit as ns since 1970; None if it is not a date."""
@@ -161,13 +156,9 @@ class Rows:
 
     def _put_on(self, x):
         """Put the rows on a clock: set their time stamps, (n,), and the newest one before each."""
-        self.x, known = x, x
-        if not self.usable.all():
-            known = np.where(self.usable, x, self.origin - 1)
-        self.before = np.empty_like(x)
-        self.before[0] = self.origin - 1
-        np.maximum.accumulate(known[:-1], out=self.before[1:])
-        np.maximum(self.before, self.before[0], out=self.before)
+        self.x = x
+        newest = np.maximum.accumulate(np.where(self.usable, x, self.origin - 1))
+        self.before = np.append(self.origin - 1, newest[:-1]).astype(x.dtype)
 
     def _make_even(self):
         """Make the time stamps even if the sensor samples evenly, or spread the rows of packets."""
@@ -181,8 +172,6 @@ class Rows:
         if not new.any():
             return
         repeats = np.count_nonzero(whole & (self.x == self.before))
-        # whole columns need no copy
-        new = slice(None) if new.all() else new
         number, t = self.number[new], self.times(new)
         packets, even = packet_step(number, t, repeats), None
         if not self.clock.resets:
@@ -204,7 +193,7 @@ def _window(time_range, first):
     without dates, and if the start is not before the end.
     """
     limits = [-np.inf, np.inf]
-    for i, value in enumerate(time_range or ()):
+    for i, value in enumerate(time_range):
         if isinstance(value, (int, float)):
             limits[i] = float(value)
         elif value is not None and first is None:
