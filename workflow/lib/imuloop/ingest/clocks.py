@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
 from imuloop.ingest.stamps import MOST
 
@@ -15,8 +16,6 @@ AHEAD = 100
 # number of usual steps: a counter advances by at most this number as it rolls over; stamps that
 # fall by fewer steps are late; and when a clock starts again, t goes on after this number of steps
 FEW_STEPS = 10
-# least share of steps that go forward after a clock has started again
-_FORWARD = 0.9
 # most rows next to falls that are looked at, so that no log takes hours
 MOST_FALLS = 10_000
 # without leading zeros, the stamp falls from 0.99 s, written for 99 ms, to 0.1 s, for 100 ms; least
@@ -88,8 +87,8 @@ class Clock:
             if begin < i:
                 newest = max(newest, values[begin:i].max().item())
             begin, ahead = i, values[i : i + AHEAD]
-            back = (newest < ahead[1:]) & (ahead[1:] <= ahead[0])
-            if np.count_nonzero(back) >= 2 and back[0] and ahead[1] < ahead[0]:
+            back = (newest < ahead[1:]) & (ahead[1:] < ahead[0])
+            if back[:1].any() and np.count_nonzero(back) >= 2:
                 # the rows after this one go on as if it were not there
                 usable[rows[i]], begin = False, i + 1
                 self.strays += 1
@@ -123,7 +122,7 @@ class Clock:
             self.rollovers += 1
             self.span_s = width * tick * 1e-9
             return width
-        if len(ahead) < AHEAD or np.mean(np.diff(ahead) >= 0) < _FORWARD:
+        if len(ahead) < AHEAD or np.median(np.diff(ahead)) < 0:
             return 0
         self.resets += 1
         gap = FEW_STEPS * step
@@ -132,20 +131,22 @@ class Clock:
     def fault(self):
         """Return a line on why falling stamps cannot be mended, or a false value if they can."""
         return self.unpadded and (
-            f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
+            f"the stamps fall {plural(self.unpadded, 'time')} within a second, each time to 0.1 s: "
             "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
             "digits, or a column of their own, columns.time: [sec, nanosec]"
         )
 
     def warnings(self):
         """Return a line for each kind of mended fault; no line if the stamps cannot be mended."""
-        rolls = f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}"
-        resets = f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual"
-        strays = f"{self.strays} stamps lie ahead of rows that follow in their place"
-        lines = [f"{rolls}: the span is added"] * bool(self.rollovers)
-        lines += [f"{resets} steps, a gap whose length is not known"] * bool(self.resets)
-        lines += [f"{strays}: taken as missing"] * bool(self.strays)
-        return [] if self.unpadded else lines
+        lines = {
+            f"the stamps roll over after {self.span_s or 0:.10g} s, "
+            f"{plural(self.rollovers, 'time')}: the span is added": self.rollovers,
+            f"the stamps start again {plural(self.resets, 'time')}: t goes on after {FEW_STEPS} "
+            "usual steps, a gap whose length is not known": self.resets,
+            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as missing":
+            self.strays,
+        }
+        return [line for line, count in lines.items() if count and not self.unpadded]
 
 
 def _count_unpadded(last, first, second):
@@ -157,11 +158,6 @@ def _count_unpadded(last, first, second):
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
     return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
-
-
-def _times(count):
-    """Return a number of times in words: "once", "2 times"."""
-    return "once" if count == 1 else f"{count} times"
 
 
 def figures(counts, measured, rate=None):

@@ -74,25 +74,23 @@ def find_timeline(rows, path=None):
     or of the text table at `path`, by default its first two columns. Raises an ImuloopError if the
     log cannot have marks, and a RejectedLog if the marks do not fit the log.
     """
-    columns, fault = rows.declared.pps, None
+    columns = rows.declared.pps
     if not (path or rows.log.found.get("pps")):
-        fault = "only tables hold columns of marks; name a file in pps.file"
-    elif not rows.stamped:
-        fault = "the log has no time column, which is to be the local counter"
-    elif rows.dates:
-        fault = "the log's stamps are dates, not a local counter"
-    if fault:
-        raise ImuloopError(f"pps: {fault}")
+        raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
+    if not rows.stamped or rows.dates:
+        why = "stamps are dates" if rows.dates else "log has no time column"
+        raise ImuloopError(f"pps: the {why}, and a local counter is needed")
     if rows.clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
     usable, stamps = rows.usable, [rows.stamps.get(f"pps.{key}") for key in ("counter", "time")]
     if path:
         layout, usable = find_layout(path, least=2), True
-        named = {f"pps.{key}": columns.get(key, i) for i, key in enumerate(("counter", "time"))}
-        where = [position(key, at, layout.names, layout.headed) for key, at in named.items()]
+        names = {f"pps.{key}": columns.get(key, i) for i, key in enumerate(("counter", "time"))}
+        where = [position(key, at, layout.names, layout.headed) for key, at in names.items()]
         stamps = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
-    (counters, fine, _), (times, known, dated) = stamps
-    counters, times = counters[known & fine & usable], times[known & fine & usable]
+    (counters, with_counter, _), (times, with_time, dated) = stamps
+    usable = usable & with_counter & with_time
+    counters, times = counters[usable], times[usable]
     if not len(counters):
         raise RejectedLog(f"1PPS: {path or 'the log'} holds no marks")
     # a log repeats the last mark in each row
@@ -106,17 +104,13 @@ def _align(counters, rows):
 
     Roll-overs are mended as in the log. Raises a RejectedLog if the counter starts again.
     """
-    width, own = rows.clock.span_in(rows.tick), rows.x[rows.usable]
-    if width:
-        counters = np.unwrap(counters, period=width)
-    else:
-        clock = Clock()
-        counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
-        if clock.resets:
-            raise RejectedLog("1PPS: the counter of the marks starts again")
-        width = clock.span_in(rows.tick)
+    clock, x = Clock(), rows.x[rows.usable]
+    counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
+    if clock.resets:
+        raise RejectedLog("1PPS: the counter of the marks starts again")
+    width = rows.clock.span_in(rows.tick) or clock.span_in(rows.tick)
     # marks and log may have begun in different spans of the counter: they are whole spans apart
-    middle = (own.min() + own.max() - counters[0] - counters[-1]).item() / 2
+    middle = (x.min() + x.max() - counters[0] - counters[-1]).item() / 2
     return counters + round(middle / width) * width if width else counters
 
 
@@ -132,11 +126,9 @@ def _fit_timeline(counters, times, dated, rows):
     `rows` are the `Rows` of the log. Raises a RejectedLog if no two marks fit together, or marks
     and log share no time.
     """
-    given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
-    whole = np.abs(t - np.rint(t)) <= _WHOLE
-    if not dated:
-        whole &= np.abs(times - np.rint(times)) <= _WHOLE
-    counters, times, t = counters[whole], times[whole], np.rint(t[whole])
+    count, seconds = len(counters), times * (1e-9 if dated else 1.0)
+    whole = np.abs(seconds - np.rint(seconds)) <= _WHOLE
+    counters, t = counters[whole], np.rint(seconds[whole])
     if not dated:
         # the time of the week starts again after a week
         t = np.unwrap(t, period=_WEEK)
@@ -145,37 +137,34 @@ def _fit_timeline(counters, times, dated, rows):
     usual = np.median(rate[np.isfinite(rate)]) if np.isfinite(rate).any() else 1.0
     away = local - usual * t
     fits = np.abs(away - median_filter(away, _NEIGHBOURS, mode="mirror")) <= MOST_OFF
-    counters, times, t, local = counters[fits], times[fits], t[fits], local[fits]
+    counters, t, local = counters[fits], t[fits], local[fits]
     off = np.diff(local) / np.diff(t) - 1
     sound = stretches_of((np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)).tolist()
     begin, end = max(sound, key=lambda stretch: stretch[1] - stretch[0], default=(0, 0))
     if begin == end:
-        raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
+        raise RejectedLog(f"1PPS: of {count} marks no two fit together; see units.time and pps")
+    drift = (local[end] - local[begin]) / (t[end] - t[begin]) - 1
     counters, t, off = counters[begin : end + 1], t[begin : end + 1], off[begin:end] * 1e6
     if counters[0] >= rows.x[rows.usable].max() or counters[-1] <= rows.x[rows.usable].min():
         raise RejectedLog("1PPS: the marks and the log share no time")
     figures = {
         "marks": len(t),
-        "rejected": given - len(t),
+        "rejected": count - len(t),
         "missed": int((np.diff(t) - 1).sum()),
         "longest_step_s": float(np.diff(t).max()),
-        "drift_ppm": float(((local[end] - local[begin]) / (t[-1] - t[0]) - 1) * 1e6),
+        "drift_ppm": float(drift * 1e6),
         "drift_range_ppm": [float(off.min()), float(off.max())],
     }
-    return Timeline(counters, t - t[0], int(times[begin]) if dated else None, figures)
+    return Timeline(counters, t - t[0], int(t[0]) * 10**9 if dated else None, figures)
 
 
-def warnings(done):
-    """Return the line on a clock by marks, a list, empty if their figures `done` are None."""
-    if not done:
+def warnings(figures):
+    """Return the line on a clock by marks, a list, empty if their `figures` are None."""
+    if not figures:
         return []
-    drift, outside = done["drift_ppm"], done["before"] or done["after"]
-    line = f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
-    line += f"{abs(drift):.3f} ppm {'slow' if drift < 0 else 'fast'}"
-    if done["missed"]:
-        line += f"; {done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"
-    line += f"; {done['rejected']} marks rejected" if done["rejected"] else ""
-    if outside:
-        line += f"; {done['before']} rows before the first mark and {done['after']} after the last"
-        line += " go by the rate of the nearest interval"
-    return [line]
+    line = (
+        "t is GNSS time through {marks} 1PPS marks ({missed} missed, {rejected} rejected): the "
+        "local clock is {drift_ppm:+.3f} ppm off; {before} rows before the first mark and {after} "
+        "after the last go by the rate of the nearest interval"
+    )
+    return [line.format(**figures)]
