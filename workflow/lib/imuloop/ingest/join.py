@@ -1,6 +1,7 @@
 """Logs with different clocks, joined onto one clock."""
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -54,26 +55,26 @@ def join(logs):
         merged.simulated |= log.simulated
     if len({unit or "s" for unit in units.values()}) > 1:
         for name, unit in units.items():
-            ns = stamps[name] * NANOSECONDS.get(unit, NANOSECONDS["s"])
+            ns = stamps[name] * NANOSECONDS[unit or "s"]
             stamps[name], units[name] = np.round(ns).astype(np.int64), "ns"
     clock = _faster({whose[q]: stamps[whose[q]] for q in SENSORS if q in whose})
     tick = NANOSECONDS.get(units[clock], NANOSECONDS["s"])
     arrays = {STAMP: stamps[clock]} if stamped else {}
-    warm = [name for name in sorted(logs, key=clock.__ne__) if logs[name].temperature]
-    for quantity, name in (
-        whose | dict.fromkeys([TEMPERATURE], warm[0]) if warm else whose
-    ).items():
+    # of the clock's own temperature and another one, the last one counts
+    for name in sorted(logs, key=clock.__eq__):
+        whose |= {TEMPERATURE: name} if logs[name].temperature else {}
+    for quantity, name in whose.items():
         columns = SENSORS.get(quantity, (TEMPERATURE,))
         block = np.array([values[name][column] for column in columns])
         if not np.array_equal(stamps[name], stamps[clock]):
-            linear = quantity == TEMPERATURE
-            block, held, lost = _onto((clock, name), stamps, block, tick, linear)
-            how = f"temperature of {name} interpolated linearly onto the stamps of {clock}"
-            if not linear:
-                arrays[HELD], merged.slower = held, SENSOR_OF[quantity]
-                how = f"{quantity} of {name} has a clock of its own: each row of {clock} holds its "
-                how += f"nearest sample{lost}"
-            merged.notes.append(how)
+            block, nearest, lost = _onto((clock, name), stamps, block, tick, quantity)
+            if quantity == TEMPERATURE:
+                note = f"temperature of {name} interpolated linearly onto the stamps of {clock}"
+            else:
+                arrays[HELD], merged.slower = nearest, SENSOR_OF[quantity]
+                note = f"{quantity} of {name} has a clock of its own: each row of {clock} holds "
+                note += f"its nearest sample{lost}"
+            merged.notes.append(note)
         arrays |= dict(zip(columns, block, strict=True))
         merged.found[quantity] = logs[name].found[quantity]
         merged.units |= {q: u for q, u in logs[name].units.items() if q == quantity}
@@ -117,58 +118,44 @@ def _faster(stamps):
 
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def _onto(names, stamps, values, tick, linear):
+def _onto(names, stamps, values, tick, quantity):
     """Bring the values of a log, (k, n), to the m time stamps of another log, the clock.
 
     `names` are the names of the clock and of the log. `stamps` are the time stamps by name, in
-    units of `tick` ns. Rows that miss a value, repeat a stamp or come late are left out. If
-    `linear`, values are interpolated, and not-a-number in gaps. Otherwise a value belongs to the
-    nearest sample, and not-a-number if this is farther than half of `gap_limit`. A RejectedLog is
-    raised if a clock starts again, or the two clocks share no time.
+    units of `tick` ns. Rows that miss a value, repeat a stamp or come late are left out. A value
+    belongs to the nearest sample, and is not-a-number if this is farther than half of `gap_limit`;
+    a temperature is interpolated linearly there. A RejectedLog is raised if a clock starts again,
+    or the two clocks share no time.
 
     Returns
     -------
     values : ndarray, shape (k, m)
         Values at the time stamps of the clock.
-    held : ndarray, shape (m,)
+    stamps : ndarray, shape (m,)
         Time stamp of the nearest sample.
     lost : str
         Words on the rows that were left out.
     """
-    times = []
     for name in names:
         clock, x = Clock(), stamps[name]
-        times.append(clock.mended(x, np.ones(len(x), dtype=bool), tick=tick))
+        _, usable = clock.mended(x, np.ones(len(x), dtype=bool), tick)
         if clock.resets or clock.rollovers:
             raise RejectedLog(
                 f"the clock of {name} starts again within the log, from where "
                 f"{' and '.join(names)} may be apart: make a log of each part"
             )
-    # whole stamps lose no digits if they are counted from one of them
-    origin = times[0][0][times[0][1].argmax()].item()
-    at, known = (np.where(ok, np.asarray(x - origin, dtype=float), np.nan) for x, ok in times)
-    used = np.flatnonzero(np.isfinite(known) & np.isfinite(values).all(axis=0))
-    used = used[np.diff(np.maximum.accumulate(known[used]), prepend=-np.inf) > 0]
-    known, values = known[used], values[:, used]
-    if len(used) < 2:
-        raise _apart(names)
-    limit = gap_limit(np.median(np.diff(known)))
-    after = np.clip(np.searchsorted(known, at), 1, len(used) - 1)
-    nearest = after - (known[after] - at > at - known[after - 1])
-    away = np.abs(at - known[nearest])
-    if linear:
-        inside = (known[0] <= at) & (at <= known[-1])
-        inside &= (known[after] - known[after - 1] <= limit) | (away == 0)
-        values = np.interp(at, known, values[0])[None]
-        return np.where(inside, values, np.nan), stamps[names[1]][used][nearest], ""
-    near = away <= limit / 2
-    if len(np.unique(nearest[near])) < 2:
-        raise _apart(names)
-    lost = len(times[1][0]) - len(used)
+    at, t = (stamps[name] for name in names)
+    rows = np.flatnonzero(usable & np.isfinite(values).all(axis=0))
+    rows = rows[np.append(True, np.diff(np.maximum.accumulate(t[rows])) > 0)[: len(rows)]]
+    t, values = t[rows], values[:, rows]
+    limit = gap_limit(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    nearest = pd.Index(t).get_indexer(at, method="nearest", tolerance=limit / 2)
+    near, warm = nearest >= 0, quantity == TEMPERATURE
+    if len(t) < 2 or not (warm or len(np.unique(nearest[near])) > 1):
+        raise RejectedLog(f"{names[1]} and {names[0]} share no time: their clocks differ")
+    on_clock = values[:, nearest]
+    if warm:
+        on_clock = np.interp(at - t[0], t - t[0], values[0], left=np.nan, right=np.nan)[None]
+    lost = len(usable) - len(rows)
     lost = f"; {lost} of its rows missing, repeated or out of order are left out" if lost else ""
-    return np.where(near, values[:, nearest], np.nan), stamps[names[1]][used][nearest], lost
-
-
-def _apart(names):
-    """Return the RejectedLog on two logs, given by name, whose time stamps share no time."""
-    return RejectedLog(f"{names[1]} and {names[0]} share no time: their clocks differ")
+    return np.where(near, on_clock, np.nan), t[nearest], lost
