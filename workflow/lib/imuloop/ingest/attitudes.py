@@ -72,7 +72,7 @@ def at_instants(reference, t):
     Values between samples come from cubics. They are not-a-number in gaps longer than `BRIDGED` and
     1.5 usual steps, and in stretches of fewer than four samples.
     """
-    found = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
+    columns = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
     for names, known, values in (
         (ORIENTATION, reference.known, reference.q),
@@ -84,13 +84,13 @@ def at_instants(reference, t):
             turned = (values[1:] * values[:-1]).sum(axis=1) < 0
             values = values * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
         breaks = np.flatnonzero(np.diff(times) > longest) + 1
-        for own, part in zip(np.split(times, breaks), np.split(values, breaks), strict=True):
-            if len(own) < 4:
+        for begin, end in zip([0, *breaks], [*breaks, len(times)], strict=True):
+            if end - begin < 4:
                 continue
-            inside = (t >= own[0] - 1e-9) & (t <= own[-1] + 1e-9)
-            value = CubicSpline(own, part)(t[inside])
+            inside = (t >= times[begin] - 1e-9) & (t <= times[end - 1] + 1e-9)
+            value = CubicSpline(times[begin:end], values[begin:end])(t[inside])
             if names is ORIENTATION:
                 value = value / np.linalg.norm(value, axis=1, keepdims=True)
             for name, column in zip(names, value.T, strict=True):
-                found[name][inside] = column
-    return found
+                columns[name][inside] = column
+    return columns

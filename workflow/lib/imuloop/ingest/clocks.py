@@ -143,8 +143,7 @@ class Clock:
             f"{plural(self.rollovers, 'time')}: the span is added": self.rollovers,
             f"the stamps start again {plural(self.resets, 'time')}: t goes on after {FEW_STEPS} "
             "usual steps, a gap whose length is not known": self.resets,
-            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as missing":
-            self.strays,
+            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as missing": self.strays,
         }
         return [line for line, count in lines.items() if count and not self.unpadded]
 

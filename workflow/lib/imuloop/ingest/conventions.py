@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.samples import ORIENTATION, POSITION
-from imuloop.core.units import DEGREE
 from imuloop.ingest.attitudes import angles, at_instants, turns
 
 # size of each unit of a position, m
@@ -35,12 +34,12 @@ def _frame(turn, angle):
     for _ in range(2):
         u, _, v = np.linalg.svd(turn[keep].T @ angle[keep])
         frame = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-        left = np.linalg.norm(turn - angle @ frame.T, axis=1)
-        keep = left <= np.quantile(left, 0.9)
-    return frame, float(np.sqrt((left[keep] ** 2).mean() / (turn[keep] ** 2).sum(axis=1).mean()))
+        away = np.linalg.norm(turn - angle @ frame.T, axis=1)
+        keep = away <= np.quantile(away, 0.9)
+    return frame, float(np.sqrt((away[keep] ** 2).mean() / (turn[keep] ** 2).sum(axis=1).mean()))
 
 
-def convention_faults(reference, t, w, f, declared):
+def convention_faults(reference, t, w, declared):
     """Compare the attitudes with the angular rate; return reasons, frame and residual.
 
     Both conventions and both orders of the quaternion are tried, so that the reason can say what
@@ -50,8 +49,8 @@ def convention_faults(reference, t, w, f, declared):
     ----------
     reference : Reference
         Attitudes as declared.
-    t, w, f : array
-        Time of the samples, s, (n,), angular rate, rad/s, and specific force, m/s^2, (n, 3).
+    t, w : array
+        Time of the samples, s, (n,), and angular rate, rad/s, (n, 3).
     declared : str
         Convention, "body_to_world" or "world_to_body".
 
@@ -59,8 +58,8 @@ def convention_faults(reference, t, w, f, declared):
     -------
     reasons : list of str
         Empty if the attitudes fit.
-    frame : list
-        Rotation from the axes of the sensor to the axes of the reference, row by row.
+    frame : array, shape (3, 3)
+        Rotation from the axes of the sensor to the axes of the reference.
     residual : float
         Share of the turns of the reference that the gyroscope does not explain.
     """
@@ -72,7 +71,7 @@ def convention_faults(reference, t, w, f, declared):
         inside = (start >= t[0]) & (end <= t[-1])
         if inside.sum() < _LEAST:
             why = f"its clock overlaps with the clock of the log for less than {_LEAST} samples"
-            return [f"reference: {why}"], np.eye(3).tolist(), 1.0
+            return [f"reference: {why}"], np.eye(3), 1.0
         turn, angle = turn[inside], angles(t, w, start[inside], end[inside])
         # noise and swapped markers lengthen short turns: use the median of the longer half
         lengths = [np.linalg.norm(v, axis=1) for v in (turn, angle)]
@@ -82,18 +81,18 @@ def convention_faults(reference, t, w, f, declared):
     frame, residual, size = tried["wxyz", declared]
     # among the readings that fit, take the one with the smallest turn from sensor to body
     order, convention = max(tried, key=lambda key: (tried[key][1] < FITS, np.trace(tried[key][0])))
-    why = None
+    why = []
     if residual > FITS:
-        why = f"read as {declared} it does not explain {residual:.0%} of the gyroscope's turns"
+        why = [f"read as {declared} it does not explain {residual:.0%} of the gyroscope's turns"]
         if tried[order, convention][1] < FITS:
-            why += f"; it fits where they are {order}, {convention}: name its columns in the order "
-            why += f"w, x, y, z and declare convention: {convention}"
+            why.append(
+                f"it fits where they are {order}, {convention}: name its columns in the order "
+                f"w, x, y, z and declare convention: {convention}"
+            )
     elif abs(size - 1) > SCALE:
-        units = {1 / DEGREE: "deg/s taken for rad/s", DEGREE: "rad/s for deg/s"}
-        said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
-        cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
-        why = f"its turns are {size:.3g} times the turns of the gyroscope: {cause}"
-    return [f"reference.orientation: {why}"] if why else [], frame.tolist(), residual
+        why = [f"its turns are {size:.3g} times the turns of the gyroscope: wrong unit or full "
+               "scale, such as deg/s for rad/s; see units.angular_rate"]  # fmt: skip
+    return [f"reference.orientation: {'; '.join(why)}"] if why else [], frame, residual
 
 
 def _gain(reference, t, f, frame):
@@ -123,17 +122,17 @@ def _gain(reference, t, f, frame):
         return None
     mean, moved = np.hsplit(pairs - np.median(pairs, axis=0), 2)
     gain = np.linalg.lstsq(mean, moved, rcond=None)[0].T
-    left = np.sqrt(((moved - mean @ gain.T) ** 2).sum() / (moved**2).sum())
+    residual = np.sqrt(((moved - mean @ gain.T) ** 2).sum() / (moved**2).sum())
     # with hardly any motion, or a lever arm, the matrix says nothing
-    return gain if left < 2 * FITS else None
+    return gain if residual < 2 * FITS else None
 
 
-def place_faults(reference, t, f, frame, declared):
+def place_faults(reference, t, f, frame, unit):
     """Return the reasons why the places do not fit the specific force, a list of str.
 
     `reference` is the Reference, `t` the time of the samples, s, (n,), `f` their specific force,
     m/s^2, (n, 3), `frame` the rotation from the axes of the sensor to the axes of the reference,
-    and `declared` the declaration of the reference in the config.
+    and `unit` the declared unit of the places.
     """
     gain = _gain(reference, t, f, frame)
     if gain is None:
@@ -141,17 +140,15 @@ def place_faults(reference, t, f, frame, declared):
     size, why = np.cbrt(np.linalg.det(gain)), None
     # without its size the matrix is a rotation, if all fits: cosine of its angle
     cosine = np.clip((np.trace(gain) / size - 1) / 2, -1, 1)
-    unit = (declared.get("units") or {}).get("position", "m")
-    tens = [x for x in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1) if abs(abs(size) / x - 1) < 3 * SCALE]
-    if tens:
-        fits = [u for u, m in LENGTH.items() if np.isclose(m * tens[0], LENGTH[unit])]
-        why = f"{tens[0]:g} times as far as specific force says"
-        why += f": declare units.position: {fits[0]}" if fits else ""
+    scales = {name: abs(size) * metres / LENGTH[unit] for name, metres in LENGTH.items()}
+    fits = [name for name, scale in scales.items() if abs(scale - 1) < 3 * SCALE]
+    if fits and fits != [unit]:
+        why = f"{abs(size):.3g} times as far as specific force says: declare units.position: "
+        why += fits[0]
     elif size < 0:
         why = "accelerates against specific force: it is mirrored; change the sign of one axis, or "
         why += "of orientation's vector part"
     elif cosine < ALONG:
-        why = (
-            f"its axes are {np.degrees(np.arccos(cosine)):.0f} degrees from the axes of orientation"
-        )
+        angle = np.degrees(np.arccos(cosine))
+        why = f"its axes are {angle:.0f} degrees from the axes of orientation"
     return [f"reference.position: {why}"] if why else []

@@ -92,12 +92,10 @@ def warnings(entry, measured):
         return []
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in entry["sensors"].items())
     line = f"increments of {listed} divided by their interval: {entry['interval']}"
-    if entry["without_interval"]:
-        line += f"; {entry['without_interval']} at the start has none and is dropped"
-    if entry["by_usual_step"]:
-        line += f"; {entry['by_usual_step']} after gaps are of one interval too, the usual step "
-        line += f"{entry['usual_step_s']:.6g} s"
-    lines, share = [line], measured["jitter"]["std_s"] * measured["rate_hz"]
+    if entry["usual_step_s"] and not entry["interval"].endswith("rebuilt"):
+        line += "; {without_interval} at the start has none and is dropped, {by_usual_step} after "
+        line += "gaps are of one interval too, the usual step {usual_step_s:.6g} s"
+    lines, share = [line.format(**entry)], measured["jitter"]["std_s"] * measured["rate_hz"]
     if entry["interval"] == _BY_STAMPS and share > _JITTER:
         lines.append(
             f"the stamps jitter by {share:.1%} of a step, which the increments turn into noise of "

@@ -18,9 +18,6 @@ from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
 # step of the grid on which the clocks are compared, s
 STEP = 0.01
-# a place leaps if its distance from the median of its neighbours exceeds `LEAP`, m, and `TIMES`
-# times the usual distance
-LEAP, TIMES = 0.02, 8.0
 # markers are swapped if the attitude is farther than `SWAPPED`, rad, from its running median over
 # `BLOCK`, s
 SWAPPED, BLOCK = 0.2, 2.0
@@ -49,19 +46,20 @@ def beside(samples, files, declared, session, counts):
     t = samples[TIME]
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
     raw, figures = _read(files, declared, session, counts)
-    found, shift = _on_clock(raw, t, w)
-    reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
+    reference, shift = _on_clock(raw, t, w)
+    reasons, frame, residual = convention_faults(reference, t, w, declared["convention"])
     figures["clock"] = {"offset_s": shift, "own": abs(shift) > COMPARED}
-    figures |= {"unexplained": residual, "frame": frame}
+    figures |= {"unexplained": residual, "frame": frame.tolist()}
     if not reasons:
         if declared["convention"] == "world_to_body":
-            found = replace(found, q=found.q * [1, -1, -1, -1])
-        found, jumps = _without_jumps(found, t, w, np.array(frame))
-        figures |= jumps | {"noise": _noise(found)}
-        reasons = place_faults(found, t, f, np.array(frame), declared)
+            reference = replace(reference, q=reference.q * [1, -1, -1, -1])
+        reference, swaps = _without_swaps(reference, t, w, frame)
+        figures |= swaps | {"noise": _noise(reference)}
+        unit = (declared.get("units") or {}).get("position", "m")
+        reasons = place_faults(reference, t, f, frame, unit)
     if reasons:
         return {}, figures, reasons
-    columns = at_instants(found, t)
+    columns = at_instants(reference, t)
     return columns, figures | {"coverage": float(np.isfinite(columns["qw"]).mean())}, []
 
 
@@ -93,14 +91,14 @@ def _read(files, declared, session, counts):
     reference and about the log, and `counts` are the Counts of the log. Raises an ImuloopError for
     a declaration that does not fit.
     """
-    file, units = files.get("reference", files.get("log")), declared.get("units") or {}
-    same = str(file) == str(files.get("log"))
-    own_time = (session.get("columns") or {}).get("time")
-    own_unit = (session.get("units") or {}).get("time", "s")
-    columns = {"time": own_time if same else None} | declared["columns"]
-    form = declared.get("format") or (session.get("format") if same else None)
+    path, units = files.get("reference", files.get("log")), declared.get("units") or {}
+    in_log = str(path) == str(files.get("log"))
+    log_time = (session.get("columns") or {}).get("time")
+    log_unit = (session.get("units") or {}).get("time", "s")
+    columns = {"time": log_time if in_log else None} | declared["columns"]
+    form = declared.get("format") or (session.get("format") if in_log else None)
     try:
-        stamps, values = read_series(file, form, columns)
+        stamps, values = read_series(path, form, columns)
     except ImuloopError as error:
         raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
     rate = declared.get("rate") or session.get("rate")
@@ -110,30 +108,33 @@ def _read(files, declared, session, counts):
         t = np.arange(len(values)) / rate
     else:
         stamps, readable, dates = stamp_values(stamps)
-        tick = 1 if dates else NANOSECONDS.get(units.get("time", own_unit), 1)
+        tick = 1 if dates else NANOSECONDS.get(units.get("time", log_unit), 1)
         t = np.where(readable, stamps * float(tick), np.nan) / 1e9
         start = t[readable][:1].sum()
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
-        elif not same and own_time is not None:
+        elif log_time is not None and not in_log:
             # stamps of the same clock are counted from the first stamp of the log
-            start = counts.origin * float(NANOSECONDS.get(own_unit, 1)) / 1e9
+            start = counts.origin * float(NANOSECONDS.get(log_unit, 1)) / 1e9
         t = t - start
-    q, p = values[:, :4], np.full((len(values), 3), np.nan)
-    if values.shape[1] > 4:
-        p = values[:, 4:] * LENGTH[units.get("position", "m")]
+    q, p = values[:, :4], values[:, 4:] * LENGTH[units.get("position", "m")]
+    if not p.size:
+        p = np.full((len(q), 3), np.nan)
     length = np.linalg.norm(q, axis=1)
-    lost = ~np.isfinite(length)
-    odd = ~lost & (np.abs(length - 1) > 0.1)
-    q = np.where((odd | lost)[:, None], np.nan, q / length[:, None])
+    lost = ~(np.abs(length - 1) <= 0.1)
+    q = np.where(lost[:, None], np.nan, q / length[:, None])
     order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
     order = order[np.diff(t[order], prepend=-np.inf) > 0]
     if np.isfinite(q[order, 0]).sum() < 100:
         raise ImuloopError(
             "reference.columns.orientation: fewer than 100 rows hold a unit quaternion"
         )
-    figures = {"rows": len(q), "lost": int(lost.sum()), "no_rotation": int(odd.sum())}
-    figures |= {"out_of_order": len(q) - len(order), "convention": declared["convention"]}
+    figures = {
+        "rows": len(q),
+        "lost": int(lost.sum()),
+        "out_of_order": len(q) - len(order),
+        "convention": declared["convention"],
+    }
     return Reference(t[order] - counts.begin_s, q[order], p[order]), figures
 
 
@@ -150,11 +151,11 @@ def _on_clock(reference, t, w):
 
     start, end, turn = turns(reference)
     grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), STEP)
-    size = np.linalg.norm(turn, axis=1) / (end - start)
     count = max(1, round(COMPARED / np.median(np.diff(t))))
-    own = uniform_filter1d(np.linalg.norm(w, axis=1), count, mode="constant")
+    by_gyroscope = uniform_filter1d(np.linalg.norm(w, axis=1), count, mode="constant")
+    by_reference = np.linalg.norm(turn, axis=1) / (end - start)
     pair = []
-    for times, rates in ((t, own), ((start + end) / 2, size)):
+    for times, rates in ((t, by_gyroscope), ((start + end) / 2, by_reference)):
         on_grid = np.interp(grid, times, rates, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
     alike = correlate(*pair, method="fft")
@@ -162,14 +163,15 @@ def _on_clock(reference, t, w):
     shift = correlation_lags(len(grid), len(grid))[best] * STEP
     if abs(shift) <= COMPARED:
         return reference, 0.0
+    # a parabola through the peak and its neighbours
     below, peak, above = alike.take([best - 1, best, best + 1], mode="clip")
     bend = below - 2 * peak + above
     shift += STEP * (below - above) / (2 * bend) if bend < 0 else 0.0
     return replace(reference, t=reference.t + shift), float(shift)
 
 
-def _without_jumps(reference, t, w, frame):
-    """Return the Reference without swaps of markers and leaps of places, and figures on them.
+def _without_swaps(reference, t, w, frame):
+    """Return the Reference without swaps of markers, and figures on them.
 
     Let q be the attitude of the reference and G the attitude by the gyroscope. Then q Gᵀ drifts
     slowly. While one marker is taken for another, q Gᵀ is off its running median over `BLOCK` s.
@@ -179,52 +181,46 @@ def _without_jumps(reference, t, w, frame):
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
     steps = Rotation.from_rotvec(step_vectors((w - bias) @ frame.T, np.diff(t)))
-    own = np.vstack([[1, 0, 0, 0], prefix_product(steps.as_quat(scalar_first=True))])
-    at = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
-    carried = Slerp(t, Rotation.from_quat(own, scalar_first=True))(reference.t[at])
-    off = Rotation.from_quat(reference.q[at], scalar_first=True) * carried.inv()
+    turned = np.vstack([[1, 0, 0, 0], prefix_product(steps.as_quat(scalar_first=True))])
+    rows = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
+    by_gyroscope = Slerp(t, Rotation.from_quat(turned, scalar_first=True))(reference.t[rows])
+    drift = Rotation.from_quat(reference.q[rows], scalar_first=True) * by_gyroscope.inv()
     usual = max(3, round(BLOCK / np.median(np.diff(reference.t))))
+    entries = drift.as_matrix().reshape(-1, 9).T
     # matrices that are an angle apart differ by 2 √2 sin(angle / 2)
-    away = np.hypot.reduce([x - median_filter(x, usual) for x in off.as_matrix().reshape(-1, 9).T])
+    away = np.hypot.reduce([x - median_filter(x, usual) for x in entries])
     away = away > 2**1.5 * np.sin(SWAPPED / 2)
-    cut = np.zeros(len(reference.t), bool)
-    cut[at[away]] = True
-    # a place leaps if it lies off the median of its neighbours
-    known = np.flatnonzero(np.isfinite(reference.p[:, 0]) & ~cut)
-    p = reference.p[known]
-    off = np.linalg.norm(p - median_filter(p, (5, 1)), axis=1)
-    leaps = known[off > max(TIMES * np.median(off), LEAP)] if len(known) else known
     q, p = reference.q.copy(), reference.p.copy()
-    q[cut], p[cut], p[leaps] = np.nan, np.nan, np.nan
+    q[rows[away]], p[rows[away]] = np.nan, np.nan
     swaps = int((np.diff(away.astype(int)) == 1).sum())
-    figures = {"swaps": swaps, "swapped": int(cut.sum()), "leaps": len(leaps)}
+    figures = {"swaps": swaps, "swapped": int(away.sum())}
     return replace(reference, q=q, p=p), figures
 
 
 def _noise(reference):
     """Return the standard deviation of white noise of attitude, rad, and of place, m or None.
 
-    The result is a dict. White noise with the standard deviation σ gives third differences the
-    variance 20 σ²; motion is smooth over three steps and adds little.
+    The result is a dict.
     """
+    t, known, placed = reference.t, reference.known, reference.placed
+    attitude = Rotation.from_quat(reference.q[known], scalar_first=True)
+    turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
+    return {
+        "orientation": _white_noise(t[known], turn) or 0.0,
+        "position": _white_noise(t[placed], np.diff(reference.p[placed], axis=0)),
+    }
 
-    def size(known, difference):
-        """Return σ from the median of third differences, or None if there are none.
 
-        Each is over four evenly spaced samples. `known` is the mask of usable samples, and
-        ``difference(a, b)`` returns the change from samples a to samples b, (k, 3).
-        """
-        at = np.flatnonzero(known)
-        steps = np.diff(reference.t[at])
-        if len(steps) < 3:
-            return None
-        even = np.abs(steps / np.median(steps) - 1) < 0.1
-        first = np.flatnonzero(even[:-2] & even[1:-1] & even[2:])
-        step = np.array([difference(at[first + k], at[first + k + 1]) for k in range(3)])
-        third = np.abs(step[0] - 2 * step[1] + step[2])
-        return float(np.median(third) / 0.6745 / 20**0.5) if third.size else None
+def _white_noise(t, change):
+    """Return the standard deviation σ of white noise, None if there are too few samples.
 
-    rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0), scalar_first=True)
-    of_attitude = size(reference.known, lambda a, b: (rotation[a].inv() * rotation[b]).as_rotvec())
-    of_place = size(reference.placed, lambda a, b: reference.p[b] - reference.p[a])
-    return {"orientation": of_attitude or 0.0, "position": of_place}
+    `t` are the times of samples, s, (n,), and `change` is the change from each to the next one,
+    (n - 1, 3). White noise gives third differences the variance 20 σ²; motion is smooth over three
+    steps and adds little. Third differences are used if their samples are evenly spaced.
+    """
+    steps = np.diff(t)
+    if len(steps) < 3:
+        return None
+    even = np.abs(steps / np.median(steps) - 1) < 0.1
+    third = np.diff(change, 2, axis=0)[even[:-2] & even[1:-1] & even[2:]]
+    return float(np.median(np.abs(third)) / 0.6745 / 20**0.5) if third.size else None

@@ -37,11 +37,10 @@ def parse_stamps(text):
         with suppress(pa.ArrowInvalid):
             return text.cast(kind)
     series = pc.utf8_trim_whitespace(text).to_pandas()
-    number = pd.to_numeric(series, errors="coerce")
+    # whole numbers keep all their digits if a few others are unreadable
+    number = pd.to_numeric(series, errors="coerce", dtype_backend="numpy_nullable")
     if number.notna().any():
-        # whole numbers keep all their digits if a few others are unreadable
-        number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
-        return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
+        return pa.array(number)
     # put zero hours before minutes and seconds, and a point before milliseconds after a colon
     clock = series.str.replace(r"^(\d\d:\d\d\.\d+)$", r"00:\1", regex=True)
     clock = clock.str.replace(r"^(.*:\d\d:\d\d):(\d{3})$", r"\1.\2", regex=True)
@@ -86,8 +85,8 @@ def joined_stamps(seconds, parts, part_ns):
     `parts` are in units of `part_ns` ns. A stamp is null if one of its numbers cannot be read, or
     if the part is a second or more.
     """
-    (whole, known, dates), (part, sound, _) = map(stamp_values, (seconds, parts))
-    sound = sound & known & (part >= 0) & (part * part_ns < 10**9) & (not dates)
+    (whole, readable, dates), (part, sound, _) = map(stamp_values, (seconds, parts))
+    sound = sound & readable & (part >= 0) & (part * part_ns < 10**9) & (not dates)
     # larger stamps do not fit 64 bits in ns
     sound &= np.abs(whole) < MOST // 10**9
     whole, part = (np.where(sound, x, 0).round().astype(np.int64) for x in (whole, part))
@@ -100,20 +99,17 @@ def stamp_values(column):
     `column` is an Arrow array of stamps. The numbers are int64, ns since 1970 for dates, or
     float64. A stamp that is not readable is 0.
     """
-    absolute = pa.types.is_timestamp(column.type)
-    if absolute and column.type.unit != "ns":
+    dates = pa.types.is_timestamp(column.type)
+    if dates and column.type.unit != "ns":
         return np.zeros(len(column), dtype=np.int64), np.zeros(len(column), dtype=bool), True
     readable = column.is_valid().to_numpy(zero_copy_only=False)
-    column = column.cast(pa.int64()) if absolute else column
-    column = column.fill_null(0) if column.null_count else column
-    values = column.to_numpy(zero_copy_only=False)
+    column = column.cast(pa.int64()) if dates else column
+    values = column.fill_null(0).to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
     else:
         readable = readable & (values > -MOST) & (values < MOST)
-    if not readable.all():
-        values = np.where(readable, values, values.dtype.type(0))
-    return values, readable, absolute
+    return np.where(readable, values, values.dtype.type(0)), readable, dates
 
 
 def no_stamps(column, name):
@@ -122,18 +118,17 @@ def no_stamps(column, name):
     `column` is the Arrow array, and `name` its name, or a list of two names. The error is a
     RejectedLog if the stamps are too large, else an ImuloopError on the declaration.
     """
-    known = column.to_pandas().dropna()
-    if len(known):
-        why = (
-            f"its stamps, as {known.iloc[0]}, are too large, or dates outside of the years {YEARS}"
+    stamps = column.to_pandas().dropna()
+    if len(stamps):
+        return RejectedLog(
+            f"time column '{name}': its stamps, as {stamps.iloc[0]}, are too large, or dates "
+            f"outside of the years {YEARS}"
         )
-        return RejectedLog(f"time column '{name}': {why}")
-    if isinstance(name, list):
-        why = "are not whole seconds and a part of a second; name one of them"
-        return ImuloopError(f"columns.time: {' and '.join(name)} {why}")
+    listed = " and ".join(name) if isinstance(name, list) else name
     return ImuloopError(
-        f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
-        "name the right one in columns.time, or give columns.time: null and rate in Hz"
+        f"time column '{listed}' holds neither numbers nor ISO 8601 stamps, nor whole seconds and "
+        "a part of a second; name the right one in columns.time, or give columns.time: null and "
+        "rate in Hz"
     )
 
 
