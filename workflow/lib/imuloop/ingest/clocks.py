@@ -14,13 +14,14 @@ from imuloop.ingest.stamps import MOST
 # number of rows before and after a fall of the stamps that tell its cause
 AHEAD = 100
 # number of usual steps: a counter advances by at most this number as it rolls over; stamps that
-# fall by fewer steps are late; and when a clock starts again, t goes on after this number of steps
+# fall by fewer steps are late; and when a clock starts again, t goes on after this number of steps.
+# Fewer falls may be accidents
 FEW_STEPS = 10
 # most rows next to falls that are looked at, so that no log takes hours
 MOST_FALLS = 10_000
 # without leading zeros, the stamp falls from 0.99 s, written for 99 ms, to 0.1 s, for 100 ms; least
-# number of such falls, and their least share of all falls, which accidents do not reach
-_LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
+# share of such falls among all falls, which accidents do not reach
+_UNPADDED_SHARE = 0.45
 # spans of counters, ns: 2^k ns, us, ms and s, 10^k ns, a minute, an hour, a day and a week
 SPANS = sorted(
     {2**k * tick for k in range(8, 61) for tick in (1, 10**3, 10**6, 10**9)}
@@ -138,14 +139,18 @@ class Clock:
 
     def warnings(self):
         """Return a line for each kind of mended fault; no line if the stamps cannot be mended."""
-        lines = {
-            f"the stamps roll over after {self.span_s or 0:.10g} s, "
-            f"{plural(self.rollovers, 'time')}: the span is added": self.rollovers,
-            f"the stamps start again {plural(self.resets, 'time')}: t goes on after {FEW_STEPS} "
-            "usual steps, a gap whose length is not known": self.resets,
-            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as missing": self.strays,
-        }
-        return [line for line, count in lines.items() if count and not self.unpadded]
+        lines = []
+        if self.rollovers:
+            times = plural(self.rollovers, "time")
+            lines.append(f"the stamps roll over after {self.span_s:.10g} s {times}: it is added")
+        if self.resets:
+            lines.append(
+                f"the stamps start again {plural(self.resets, 'time')}: t goes on after "
+                f"{FEW_STEPS} usual steps, a gap whose length is not known"
+            )
+        if self.strays:
+            lines.append(f"{self.strays} stamps lie ahead of rows that follow: taken as missing")
+        return [] if self.unpadded else lines
 
 
 def _count_unpadded(last, first, second):
@@ -156,7 +161,7 @@ def _count_unpadded(last, first, second):
     """
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
-    return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
+    return count if count >= max(FEW_STEPS, _UNPADDED_SHARE * len(last)) else 0
 
 
 def figures(counts, measured, rate=None):

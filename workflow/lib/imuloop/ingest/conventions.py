@@ -13,14 +13,13 @@ from imuloop.ingest.attitudes import angles, at_instants, turns
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 # a convention fits if its residual is less than this share of the turns
 FITS = 0.3
-# the axes of two worlds count as the same if the cosine of the angle between them is at least this
-ALONG = 0.95
-# largest share by which the scales of a sensor and its reference may differ
+# largest share by which the scales of a sensor and its reference may differ, and the cosine of the
+# angle between the axes of two worlds from 1
 SCALE = 0.1
 # s; windows over which places and specific force are compared
 _WINDOW = 0.2
 # least number of samples for a verdict on the convention or on the places
-_LEAST = 50
+LEAST = 50
 
 
 def _frame(turn, angle):
@@ -69,8 +68,8 @@ def convention_faults(reference, t, w, declared):
         q = q * [1, -1, -1, -1] if convention == "world_to_body" else q
         start, end, turn = turns(replace(reference, q=q))
         inside = (start >= t[0]) & (end <= t[-1])
-        if inside.sum() < _LEAST:
-            why = f"its clock overlaps with the clock of the log for less than {_LEAST} samples"
+        if inside.sum() < LEAST:
+            why = f"its clock overlaps with the clock of the log for less than {LEAST} samples"
             return [f"reference: {why}"], np.eye(3), 1.0
         turn, angle = turn[inside], angles(t, w, start[inside], end[inside])
         # noise and swapped markers lengthen short turns: use the median of the longer half
@@ -118,7 +117,7 @@ def _gain(reference, t, f, frame):
     mean = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])[middle - k + 1]
     moved = (p[middle - k] - 2 * p[middle] + p[middle + k]) / (t[k] - t[0]) ** 2
     pairs = np.hstack([mean, moved])[np.isfinite(mean[:, 0])]
-    if len(pairs) < _LEAST:
+    if len(pairs) < LEAST:
         return None
     mean, moved = np.hsplit(pairs - np.median(pairs, axis=0), 2)
     gain = np.linalg.lstsq(mean, moved, rcond=None)[0].T
@@ -148,7 +147,7 @@ def place_faults(reference, t, f, frame, unit):
     elif size < 0:
         why = "accelerates against specific force: it is mirrored; change the sign of one axis, or "
         why += "of orientation's vector part"
-    elif cosine < ALONG:
+    elif cosine < 1 - SCALE:
         angle = np.degrees(np.arccos(cosine))
         why = f"its axes are {angle:.0f} degrees from the axes of orientation"
     return [f"reference.position: {why}"] if why else []

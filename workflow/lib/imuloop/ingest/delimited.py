@@ -68,7 +68,7 @@ def read(paths, columns=None):
         stamps = log.batch[STAMP]
         texts = [row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING]
         if texts and 0 < stamps.null_count == len(stamps):
-            fault = no_stamps(stamps, layout.names[at])
+            fault = no_stamps(layout.names[at])
             raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
     return log
 

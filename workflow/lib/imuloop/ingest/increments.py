@@ -92,7 +92,7 @@ def warnings(entry, measured):
         return []
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in entry["sensors"].items())
     line = f"increments of {listed} divided by their interval: {entry['interval']}"
-    if entry["usual_step_s"] and not entry["interval"].endswith("rebuilt"):
+    if entry["interval"] == _BY_STAMPS:
         line += "; {without_interval} at the start has none and is dropped, {by_usual_step} after "
         line += "gaps are of one interval too, the usual step {usual_step_s:.6g} s"
     lines, share = [line.format(**entry)], measured["jitter"]["std_s"] * measured["rate_hz"]

@@ -24,13 +24,11 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# largest error of the rate of a local clock, s/s; and largest distance of a mark from the line
-# through its neighbours, s
+# largest error of the rate of a local clock, s/s; largest distance of a mark from the line through
+# its neighbours, and of its GNSS time from a whole second, s
 MOST_OFF = 500e-6
 # a mark is compared with the median of this number of marks, itself among them
 _NEIGHBOURS = 11
-# largest distance of the GNSS time of a mark from a whole second, by rounding, s
-_WHOLE = 1e-3
 _WEEK = 604_800
 
 
@@ -127,7 +125,7 @@ def _fit_timeline(counters, times, dated, rows):
     and log share no time.
     """
     count, seconds = len(counters), times * (1e-9 if dated else 1.0)
-    whole = np.abs(seconds - np.rint(seconds)) <= _WHOLE
+    whole = np.abs(seconds - np.rint(seconds)) <= MOST_OFF
     counters, t = counters[whole], np.rint(seconds[whole])
     if not dated:
         # the time of the week starts again after a week

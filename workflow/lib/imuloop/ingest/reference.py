@@ -12,7 +12,7 @@ from imuloop.core.rotation import prefix_product, step_vectors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.ingest.attitudes import COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import STAMP
-from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
+from imuloop.ingest.conventions import LEAST, LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
@@ -125,9 +125,9 @@ def _read(files, declared, session, counts):
     q = np.where(lost[:, None], np.nan, q / length[:, None])
     order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
     order = order[np.diff(t[order], prepend=-np.inf) > 0]
-    if np.isfinite(q[order, 0]).sum() < 100:
+    if np.isfinite(q[order, 0]).sum() < LEAST:
         raise ImuloopError(
-            "reference.columns.orientation: fewer than 100 rows hold a unit quaternion"
+            f"reference.columns.orientation: fewer than {LEAST} rows hold a unit quaternion"
         )
     figures = {
         "rows": len(q),

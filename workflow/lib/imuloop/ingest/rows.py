@@ -71,7 +71,7 @@ class Rows:
             self.tick = None if self.dates else NANOSECONDS.get(unit)
             self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
             if count and not self.usable.any():
-                raise no_stamps(log.batch[STAMP], log.found["time"])
+                raise no_stamps(log.found["time"])
             if self.scale is None:
                 raise ImuloopError(
                     f"units.time is '{unit}', but column '{log.found['time']}' holds numbers; "
@@ -166,9 +166,6 @@ class Rows:
         for name in CHANNELS:
             whole &= np.isfinite(self.values[name])
         new = whole & (self.x > self.before)
-        if increments.are_by_stamps(self):
-            # the interval of the first increment is not known
-            new &= self.before >= self.origin
         if not new.any():
             return
         repeats = np.count_nonzero(whole & (self.x == self.before))

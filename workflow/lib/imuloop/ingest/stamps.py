@@ -57,18 +57,14 @@ def parse_stamps(text):
 def stamp_array(column):
     """Return a column of stamps of any type as int64, float64 or timestamp[ns].
 
-    A date outside of `YEARS` becomes null; if all dates are outside, they keep their unit. Raises a
-    RejectedLog for stamps of 2^63 and more.
+    A date outside of `YEARS` becomes null. Raises a RejectedLog for stamps of 2^63 and more.
     """
     kind = column.type
     if pa.types.is_dictionary(kind):
         return stamp_array(column.dictionary_decode())
     if pa.types.is_timestamp(kind):
-        most = MOST // NANOSECONDS[kind.unit]
-        ticks = column.cast(pa.int64())
+        most, ticks = MOST // NANOSECONDS[kind.unit], column.cast(pa.int64())
         within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
-        if not pc.any(within).as_py():
-            return column
         column = pc.if_else(within, column, pa.scalar(None, kind))
         return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
@@ -100,8 +96,6 @@ def stamp_values(column):
     float64. A stamp that is not readable is 0.
     """
     dates = pa.types.is_timestamp(column.type)
-    if dates and column.type.unit != "ns":
-        return np.zeros(len(column), dtype=np.int64), np.zeros(len(column), dtype=bool), True
     readable = column.is_valid().to_numpy(zero_copy_only=False)
     column = column.cast(pa.int64()) if dates else column
     values = column.fill_null(0).to_numpy(zero_copy_only=False)
@@ -112,23 +106,16 @@ def stamp_values(column):
     return np.where(readable, values, values.dtype.type(0)), readable, dates
 
 
-def no_stamps(column, name):
-    """Return the error of a time column without a readable stamp.
+def no_stamps(name):
+    """Return the ImuloopError of a time column without a readable stamp.
 
-    `column` is the Arrow array, and `name` its name, or a list of two names. The error is a
-    RejectedLog if the stamps are too large, else an ImuloopError on the declaration.
+    `name` is the name of the column, or a list of two names.
     """
-    stamps = column.to_pandas().dropna()
-    if len(stamps):
-        return RejectedLog(
-            f"time column '{name}': its stamps, as {stamps.iloc[0]}, are too large, or dates "
-            f"outside of the years {YEARS}"
-        )
     listed = " and ".join(name) if isinstance(name, list) else name
     return ImuloopError(
-        f"time column '{listed}' holds neither numbers nor ISO 8601 stamps, nor whole seconds and "
-        "a part of a second; name the right one in columns.time, or give columns.time: null and "
-        "rate in Hz"
+        f"time column '{listed}' holds neither numbers below 2^62 nor ISO 8601 stamps of the years "
+        f"{YEARS}, nor whole seconds and a part of a second; name the right one in columns.time, "
+        "or give columns.time: null and rate in Hz"
     )
 
 
