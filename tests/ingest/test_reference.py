@@ -20,7 +20,7 @@ def sound():
     return simulate_beside(Beside(duration_s=60.0), SEED)
 
 
-def made(folder, truth=None, declared=None, log=dict, reference=dict):
+def ingest_pair(folder, truth=None, declared=None, log=dict, reference=dict):
     """Return quality and samples of a simulated pair; `log` and `reference` harm its columns."""
     columns = simulate_beside(truth, SEED) if truth else sound()
     paths = write_pair(folder, "s", (log(columns[0]), reference(columns[1])))
@@ -51,14 +51,14 @@ def last_first(columns):
       {"clock.own": True, "clock.offset_s": lambda s: abs(s + 3) < 0.01}, (0.9, 0.9999))],
 )  # fmt: skip
 def test_a_reference_is_beside_the_samples(tmp_path, truth, figures, coverage):
-    quality, samples = made(tmp_path, truth)
+    quality, samples = ingest_pair(tmp_path, truth)
     assert quality["status"] == "ok"
     check_figures(quality["reference"], figures)
     swaps = quality["reference"]["swaps"]
     assert truth or quality["reference"]["swapped"] == 5 * swaps
-    known = np.isfinite(samples["qw"])
-    assert coverage[0] < known.mean() < coverage[1]
-    size = np.linalg.norm([samples[k][known] for k in QUATERNION], axis=0)
+    inside = np.isfinite(samples["qw"])
+    assert coverage[0] < inside.mean() < coverage[1]
+    size = np.linalg.norm([samples[k][inside] for k in QUATERNION], axis=0)
     np.testing.assert_allclose(size, 1, atol=1e-12)
 
 
@@ -76,12 +76,12 @@ def test_a_reference_is_beside_the_samples(tmp_path, truth, figures, coverage):
     ],
 )  # fmt: skip
 def test_a_wrong_declaration_is_named_with_what_fits(tmp_path, harm, says, declared):
-    quality, samples = made(tmp_path, **harm)
+    quality, samples = ingest_pair(tmp_path, **harm)
     [reason] = quality["reasons"]
     assert quality["status"] == "rejected" and quality["misdeclared"] and says in reason
     assert not len(samples["t"])
     if declared:
-        quality, _ = made(tmp_path, declared=declared, **harm)
+        quality, _ = ingest_pair(tmp_path, declared=declared, **harm)
         assert quality["status"] == "ok", quality["reasons"]
 
 
