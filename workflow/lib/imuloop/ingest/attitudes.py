@@ -72,25 +72,26 @@ def at_instants(reference, t):
     Values between samples come from cubics. They are not-a-number in gaps longer than `BRIDGED` and
     1.5 usual steps, and in stretches of fewer than four samples.
     """
-    columns = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
-    for names, known, values in (
-        (ORIENTATION, reference.known, reference.q),
-        (POSITION, reference.placed, reference.p),
-    ):
-        times, values = reference.t[known], values[known]
-        if names is ORIENTATION:
-            # q and -q are the same attitude: take the sign that is nearer to the quaternion before
-            turned = (values[1:] * values[:-1]).sum(axis=1) < 0
-            values = values * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
-        breaks = np.flatnonzero(np.diff(times) > longest) + 1
-        for begin, end in zip([0, *breaks], [*breaks, len(times)], strict=True):
-            if end - begin < 4:
-                continue
+    times, q = reference.t[reference.known], reference.q[reference.known]
+    # q and -q are the same attitude: take the sign that is nearer to the quaternion before
+    turned = (q[1:] * q[:-1]).sum(axis=1) < 0
+    q = q * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
+    q = _by_cubics(t, times, q, longest)
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    p = _by_cubics(t, reference.t[reference.placed], reference.p[reference.placed], longest)
+    return dict(zip((*ORIENTATION, *POSITION), (*q.T, *p.T), strict=True))
+
+
+def _by_cubics(t, times, values, longest):
+    """Return values, (n, k), at `times`, s, (n,), at the instants `t`, s, (m,), as (m, k).
+
+    They are not-a-number in gaps longer than `longest`, s, and in stretches of fewer than four.
+    """
+    at_t = np.full((len(t), values.shape[1]), np.nan)
+    breaks = np.flatnonzero(np.diff(times) > longest) + 1
+    for begin, end in zip([0, *breaks], [*breaks, len(times)], strict=True):
+        if end - begin >= 4:
             inside = (t >= times[begin] - 1e-9) & (t <= times[end - 1] + 1e-9)
-            value = CubicSpline(times[begin:end], values[begin:end])(t[inside])
-            if names is ORIENTATION:
-                value = value / np.linalg.norm(value, axis=1, keepdims=True)
-            for name, column in zip(names, value.T, strict=True):
-                columns[name][inside] = column
-    return columns
+            at_t[inside] = CubicSpline(times[begin:end], values[begin:end])(t[inside])
+    return at_t

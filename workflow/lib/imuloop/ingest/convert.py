@@ -42,6 +42,8 @@ class Counts:
     duplicates: int = 0
     identical: int = 0
     out_of_order: int = 0
+    without_interval: int = 0
+    by_usual_step: int = 0
     missing_values: dict = field(default_factory=_of_channels)
     impossible_values: dict = field(default_factory=_of_channels)
     spiked: int = 0
@@ -80,12 +82,8 @@ def si_samples(rows, raw_units):
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
     rates, first, wide, usual = increments.rates(rows)
-    counts = Counts(
-        read=len(rows.x),
-        time_unit=rows.time_unit,
-        clock=rows.clock,
-        is_gravity=misread.is_gravity(rows.values),
-    )
+    counts = Counts(read=len(rows.x), time_unit=rows.time_unit, clock=rows.clock)
+    counts.is_gravity = misread.is_gravity(rows.values)
     if rows.stamped:
         counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
     units = {name: raw_units[q] for q in SENSORS if q in log.found for name in SENSORS[q]}
@@ -111,17 +109,12 @@ def si_samples(rows, raw_units):
         "out_of_order": (rows.x < rows.before) & (not rows.even),
         "without_interval": first,
     }
-    keep, numbers = np.ones(len(rows.x), dtype=bool), {}
-    for name, mask in fates.items():
-        numbers[name] = int(np.count_nonzero(keep & mask))
-        keep &= ~mask
-    intervals = {
-        "usual_step_s": usual,
-        "without_interval": numbers.pop("without_interval"),
-        "by_usual_step": int(np.count_nonzero(keep & wide)),
-    }
-    vars(counts).update(numbers)
-    counts.increments = increments.figures(rows, intervals)
+    fate = np.select([*fates.values()], range(len(fates)), len(fates))
+    for number, name in enumerate(fates):
+        setattr(counts, name, int(np.count_nonzero(fate == number)))
+    keep = fate == len(fates)
+    counts.by_usual_step = int(np.count_nonzero(keep & wide))
+    counts.increments = increments.figures(rows, counts, usual)
     if not keep.any():
         return no_samples(log), counts
     begin = rows.x[keep.argmax()].item()

@@ -66,11 +66,10 @@ def rates(rows):
     return values, first, wide, usual
 
 
-def figures(rows, intervals):
+def figures(rows, counts, usual):
     """Return the entry ``increments`` of quality.json for `Rows`; None if they hold no increments.
 
-    `intervals` is the part of the entry on intervals by the time stamps: the usual step, s, and the
-    numbers of rows without an interval, and by the usual step.
+    `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
     """
     sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
     if "interval" in rows.log.found:
@@ -79,7 +78,9 @@ def figures(rows, intervals):
         interval = rows.time_unit
     else:
         interval = "step of the rows, rebuilt" if rows.even else _BY_STAMPS
-    return {"sensors": sensors, "interval": interval} | intervals if sensors else None
+    entry = {"sensors": sensors, "interval": interval, "usual_step_s": usual}
+    entry |= {name: getattr(counts, name) for name in ("without_interval", "by_usual_step")}
+    return entry if sensors else None
 
 
 def warnings(entry, measured):

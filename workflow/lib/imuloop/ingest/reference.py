@@ -123,8 +123,8 @@ def _read(files, declared, session, counts):
     length = np.linalg.norm(q, axis=1)
     lost = ~(np.abs(length - 1) <= 0.1)
     q = np.where(lost[:, None], np.nan, q / length[:, None])
-    order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
-    order = order[np.diff(t[order], prepend=-np.inf) > 0]
+    _, order = np.unique(t, return_index=True)
+    order = order[np.isfinite(t[order])]
     if np.isfinite(q[order, 0]).sum() < LEAST:
         raise ImuloopError(
             f"reference.columns.orientation: fewer than {LEAST} rows hold a unit quaternion"
@@ -158,15 +158,10 @@ def _on_clock(reference, t, w):
     for times, rates in ((t, by_gyroscope), ((start + end) / 2, by_reference)):
         on_grid = np.interp(grid, times, rates, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
-    alike = correlate(*pair, method="fft")
-    best = int(np.argmax(alike))
+    best = np.argmax(correlate(*pair, method="fft"))
     shift = correlation_lags(len(grid), len(grid))[best] * STEP
     if abs(shift) <= COMPARED:
         return reference, 0.0
-    # a parabola through the peak and its neighbours
-    below, peak, above = alike.take([best - 1, best, best + 1], mode="clip")
-    bend = below - 2 * peak + above
-    shift += STEP * (below - above) / (2 * bend) if bend < 0 else 0.0
     return replace(reference, t=reference.t + shift), float(shift)
 
 
