@@ -138,19 +138,15 @@ class Clock:
         )
 
     def warnings(self):
-        """Return a line for each kind of mended fault; no line if the stamps cannot be mended."""
-        lines = []
-        if self.rollovers:
-            times = plural(self.rollovers, "time")
-            lines.append(f"the stamps roll over after {self.span_s:.10g} s {times}: it is added")
-        if self.resets:
-            lines.append(
-                f"the stamps start again {plural(self.resets, 'time')}: t goes on after "
-                f"{FEW_STEPS} usual steps, a gap whose length is not known"
-            )
-        if self.strays:
-            lines.append(f"{self.strays} stamps lie ahead of rows that follow: taken as missing")
-        return [] if self.unpadded else lines
+        """Return the line on mended stamps, a list, empty if no stamp was mended."""
+        if self.unpadded or not (self.rollovers or self.resets or self.strays):
+            return []
+        return [
+            f"time stamps mended: {plural(self.rollovers, 'roll-over')} of {self.span_s or 0:.10g} "
+            f"s; {plural(self.resets, 'restart')}, from which t goes on after {FEW_STEPS} usual "
+            f"steps, a gap whose length is not known; {plural(self.strays, 'stamp')} ahead of "
+            "those that follow, taken as missing"
+        ]
 
 
 def _count_unpadded(last, first, second):

@@ -95,17 +95,15 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
     on_line = np.ptp(medians) <= max(scatter, step / 2)
     even, clean = Even(step) if on_line else None, False
-    if samples := _number_samples(rows, t, packets):
-        first, stamped, lost, width, clock_step = samples
-        losses = np.flatnonzero(np.diff(lost)) + 1
-        beat = _is_beat((stamped + lost)[losses])
+    if by_clock := _by_clock(rows, t, packets):
+        lossy, width, beat = by_clock
         clean = single and width < SCATTER and not beat
         # a host that polls faster than the sensor samples misses nothing
         if not (clean or (on_line and beat)):
-            if not losses.size:
-                even = Even(step if on_line else clock_step)
-            elif np.diff(lost).max() * clock_step < HALF:
-                even = Even(clock_step, first[losses], lost[losses])
+            if not len(lossy.lost):
+                even = even or lossy
+            elif np.diff(lossy.lost, prepend=0).max() * lossy.step < HALF:
+                even = lossy
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
     sign = 0 if packets else jitter_sign(t, turn_rate, even.step, scatter)
@@ -136,18 +134,20 @@ def _line(rows, t):
     return step, t - step * rows
 
 
-def _number_samples(rows, t, packets):
-    """Return the number of each sample by the sensor's clock; None if the stamps show no clock.
+def _by_clock(rows, t, packets):
+    """Return the `Even` samples by the sensor's clock; None if the stamps show no clock.
 
     `rows` and `t` are number and time, s, of each row, or of the first row of each packet. If rows
     come in packets, `packets` is their step, s, and whether the last row has the time of the stamp.
 
     Returns
     -------
-    tuple or None
-        Three arrays with an element for each transfer, or row: its first row, the number of rows
-        up to the one with its stamp, and the number of samples lost before it. Then the width of
-        the scatter of the stamps about the clock, samples, and the step of the clock, s.
+    samples : Even
+        The samples, with the lost ones.
+    width : float
+        Width of the scatter of the stamps about the clock, samples.
+    beat : bool
+        Whether samples are missing because a host polls faster than the sensor.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)
@@ -166,7 +166,9 @@ def _number_samples(rows, t, packets):
     # after late samples others are in time again; after lost ones they are not
     lost = np.minimum.accumulate(lost[::-1])[::-1]
     lost = lost - lost[0]
-    return rows, stamped, lost, size * width, _line(stamped + lost, t)[0]
+    losses, number = np.flatnonzero(np.diff(lost)) + 1, stamped + lost
+    samples = Even(_line(number, t)[0], rows[losses], lost[losses])
+    return samples, size * width, _is_beat(number[losses])
 
 
 def _transfers(rows, t):

@@ -92,14 +92,15 @@ def warnings(entry, measured):
     if not entry or not measured["rate_hz"]:
         return []
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in entry["sensors"].items())
-    line = f"increments of {listed} divided by their interval: {entry['interval']}"
+    lines = [f"increments of {listed} divided by their interval: {entry['interval']}"]
     if entry["interval"] == _BY_STAMPS:
-        line += "; {without_interval} at the start has none and is dropped, {by_usual_step} after "
+        line = "; {without_interval} at the start has none and is dropped, {by_usual_step} after "
         line += "gaps are of one interval too, the usual step {usual_step_s:.6g} s"
-    lines, share = [line.format(**entry)], measured["jitter"]["std_s"] * measured["rate_hz"]
-    if entry["interval"] == _BY_STAMPS and share > _JITTER:
-        lines.append(
-            f"the stamps jitter by {share:.1%} of a step, which the increments turn into noise of "
-            "that share of the signal: name columns.interval, or a clock of the sensor"
-        )
+        lines[0] += line.format(**entry)
+        share = measured["jitter"]["std_s"] * measured["rate_hz"]
+        if share > _JITTER:
+            lines.append(
+                f"the stamps jitter by {share:.1%} of a step, which the increments turn into noise "
+                "of that share of the signal: name columns.interval, or a clock of the sensor"
+            )
     return lines

@@ -47,11 +47,12 @@ def beside(samples, files, declared, session, counts):
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
     raw, figures = _read(files, declared, session, counts)
     reference, shift = _on_clock(raw, t, w)
-    reasons, frame, residual = convention_faults(reference, t, w, declared["convention"])
+    convention = declared["convention"]
+    reasons, frame, residual = convention_faults(reference, t, w, convention)
     figures["clock"] = {"offset_s": shift, "own": abs(shift) > COMPARED}
-    figures |= {"unexplained": residual, "frame": frame.tolist()}
+    figures |= {"convention": convention, "unexplained": residual, "frame": frame.tolist()}
     if not reasons:
-        if declared["convention"] == "world_to_body":
+        if convention == "world_to_body":
             reference = replace(reference, q=reference.q * [1, -1, -1, -1])
         reference, swaps = _without_swaps(reference, t, w, frame)
         figures |= swaps | {"noise": _noise(reference)}
@@ -129,12 +130,7 @@ def _read(files, declared, session, counts):
         raise ImuloopError(
             f"reference.columns.orientation: fewer than {LEAST} rows hold a unit quaternion"
         )
-    figures = {
-        "rows": len(q),
-        "lost": int(lost.sum()),
-        "out_of_order": len(q) - len(order),
-        "convention": declared["convention"],
-    }
+    figures = {"rows": len(q), "lost": int(lost.sum()), "out_of_order": len(q) - len(order)}
     return Reference(t[order] - counts.begin_s, q[order], p[order]), figures
 
 
