@@ -76,11 +76,9 @@ def si_samples(rows, raw_units):
     The column ``t`` starts at 0 and rises. `raw_units` are the `RawUnit` of each sensor by
     quantity. Rows with a fault are left out and counted.
     """
-    log, summed = rows.log, increments.factors(rows.units)
-    if log.slower and summed:
-        raise ImuloopError(
-            f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
-        )
+    log = rows.log
+    if log.slower and increments.factors(rows.units):
+        raise ImuloopError("units: increments of two sensors have to be on one clock")
     rates, first, wide, usual = increments.rates(rows)
     counts = Counts(read=len(rows.x), time_unit=rows.time_unit, clock=rows.clock)
     counts.is_gravity = misread.is_gravity(rows.values)
@@ -128,10 +126,5 @@ def si_samples(rows, raw_units):
     if rows.timeline:
         counts.pps = rows.timeline.figures_beside(rows.x[keep])
     if log.slower:
-        stamps = (rows.stamps[HELD][0][keep] - begin) * rows.scale
-        if rows.even:
-            # each of its samples gets the rebuilt time of the first row that holds it
-            _, first_row, which = np.unique(stamps, return_index=True, return_inverse=True)
-            stamps = samples[TIME][first_row][which]
-        samples[OWN_TIME[log.slower]] = stamps
+        samples[OWN_TIME[log.slower]] = (rows.stamps[HELD][0][keep] - begin) * rows.scale
     return samples, counts

@@ -40,8 +40,8 @@ def join(logs):
     merged = RawLog(columns="; ".join(dict.fromkeys(logs[name].columns for name in counts)))
     if empty := [name for name, count in counts.items() if not count]:
         raise RejectedLog(f"{empty[0]} has no rows")
-    stamped = any(times.values())
-    if (stamped and None in times.values()) or (not stamped and len({*counts.values()}) > 1):
+    stamped = None not in times.values()
+    if not stamped and (any(times.values()) or len({*counts.values()}) > 1):
         raise ImuloopError(
             f"no time column of a usual name in each table ({merged.columns}), nor as many rows of "
             "one sensor as of the other: name it in columns.time"
@@ -55,14 +55,13 @@ def join(logs):
         merged.simulated |= log.simulated
     if len({unit or "s" for unit in units.values()}) > 1:
         for name, unit in units.items():
-            ns = stamps[name] * NANOSECONDS[unit or "s"]
+            ns = stamps[name] * NANOSECONDS.get(unit, NANOSECONDS["s"])
             stamps[name], units[name] = np.round(ns).astype(np.int64), "ns"
     clock = _faster({whose[q]: stamps[whose[q]] for q in SENSORS if q in whose})
     tick = NANOSECONDS.get(units[clock], NANOSECONDS["s"])
     arrays = {STAMP: stamps[clock]} if stamped else {}
-    # of the clock's own temperature and another one, the last one counts
-    for name in sorted(logs, key=clock.__eq__):
-        whose |= {TEMPERATURE: name} if logs[name].temperature else {}
+    warm = [name for name in (clock, *logs) if logs[name].temperature]
+    whose |= {TEMPERATURE: warm[0]} if warm else {}
     for quantity, name in whose.items():
         columns = SENSORS.get(quantity, (TEMPERATURE,))
         block = np.array([values[name][column] for column in columns])

@@ -100,12 +100,10 @@ def find_timeline(rows, path=None):
 def _align(counters, rows):
     """Return the counters of n marks, (n,), without roll-overs, on the counter of a log's `Rows`.
 
-    Roll-overs are mended as in the log. Raises a RejectedLog if the counter starts again.
+    Roll-overs are mended as in the log.
     """
     clock, x = Clock(), rows.x[rows.usable]
     counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
-    if clock.resets:
-        raise RejectedLog("1PPS: the counter of the marks starts again")
     width = rows.clock.span_in(rows.tick) or clock.span_in(rows.tick)
     # marks and log may have begun in different spans of the counter: they are whole spans apart
     middle = (x.min() + x.max() - counters[0] - counters[-1]).item() / 2
