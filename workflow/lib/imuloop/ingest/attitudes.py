@@ -28,12 +28,12 @@ class Reference:
     p: np.ndarray
 
     @property
-    def known(self):
+    def has_attitude(self):
         """Mask of the samples that have an attitude, (n,) of bool."""
         return np.isfinite(self.q[:, 0])
 
     @property
-    def placed(self):
+    def has_place(self):
         """Mask of the samples that have a place, (n,) of bool."""
         return np.isfinite(self.p[:, 0])
 
@@ -44,14 +44,12 @@ def turns(reference, seconds=COMPARED):
     Start and end are times, s, (m,) each. The rotation vectors from start to end, (m, 3), are in
     rad on body axes. Turns that last 1.5 times `seconds` or more, as over a gap, are left out.
     """
-    known = np.flatnonzero(reference.known)
-    t = reference.t[known]
+    rows = np.flatnonzero(reference.has_attitude)
+    t, rotation = reference.t[rows], Rotation.from_quat(reference.q[rows], scalar_first=True)
     last = np.searchsorted(t, t + seconds)
     first = np.flatnonzero(last < len(t))
+    first = first[t[last[first]] - t[first] < 1.5 * seconds]
     last = last[first]
-    near = t[last] - t[first] < 1.5 * seconds
-    first, last = first[near], last[near]
-    rotation = Rotation.from_quat(reference.q[known], scalar_first=True)
     return t[first], t[last], (rotation[first].inv() * rotation[last]).as_rotvec()
 
 
@@ -73,13 +71,13 @@ def at_instants(reference, t):
     1.5 usual steps, and in stretches of fewer than four samples.
     """
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
-    times, q = reference.t[reference.known], reference.q[reference.known]
+    times, q = reference.t[reference.has_attitude], reference.q[reference.has_attitude]
     # q and -q are the same attitude: take the sign that is nearer to the quaternion before
     turned = (q[1:] * q[:-1]).sum(axis=1) < 0
     q = q * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
     q = _by_cubics(t, times, q, longest)
     q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    p = _by_cubics(t, reference.t[reference.placed], reference.p[reference.placed], longest)
+    p = _by_cubics(t, reference.t[reference.has_place], reference.p[reference.has_place], longest)
     return dict(zip((*ORIENTATION, *POSITION), (*q.T, *p.T), strict=True))
 
 

@@ -89,7 +89,9 @@ def si_samples(rows, raw_units):
         units[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
     inside, bad, values = rows.inside, ~rows.usable, {}
     for name, raw in (rows.values | rates).items():
-        values[name] = x = units[name].to_si(raw) if name in units else raw
+        # values in SI and whole columns need no copy: a long log has some GB
+        unit = units.get(name, RawUnit("SI", 1.0))
+        values[name] = x = raw if (unit.scale, unit.offset) == (1.0, 0.0) else unit.to_si(raw)
         lacks, wrong = ~np.isfinite(raw), ~(np.abs(x) <= BEYOND)
         counts.missing_values[name] = int(np.count_nonzero(inside & lacks))
         counts.impossible_values[name] = int(np.count_nonzero(inside & wrong & ~lacks))
@@ -115,7 +117,7 @@ def si_samples(rows, raw_units):
     counts.increments = increments.figures(rows, counts, usual)
     if not keep.any():
         return no_samples(log), counts
-    begin = rows.x[keep.argmax()].item()
+    begin, keep = rows.x[keep.argmax()].item(), slice(None) if keep.all() else keep
     counts.origin, counts.start_ns = rows.origin, rows.moment(begin)
     counts.begin_s = float((begin - rows.origin) * rows.scale)
     samples = {TIME: rows.times(keep)} | {name: x[keep] for name, x in values.items()}

@@ -93,7 +93,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     if too_even or not np.isfinite(1 / step):
         return None
     medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
-    on_line = np.ptp(medians) <= max(scatter, step / 2)
+    on_line = np.ptp(medians) <= (step / 2 if single else max(scatter, step / 2))
     even, clean = Even(step) if on_line else None, False
     if by_clock := _by_clock(rows, t, packets):
         lossy, width, beat = by_clock

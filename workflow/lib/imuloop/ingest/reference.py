@@ -173,7 +173,7 @@ def _without_swaps(reference, t, w, frame):
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
     steps = Rotation.from_rotvec(step_vectors((w - bias) @ frame.T, np.diff(t)))
     turned = np.vstack([[1, 0, 0, 0], prefix_product(steps.as_quat(scalar_first=True))])
-    rows = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
+    rows = np.flatnonzero(reference.has_attitude & (reference.t >= t[0]) & (reference.t <= t[-1]))
     by_gyroscope = Slerp(t, Rotation.from_quat(turned, scalar_first=True))(reference.t[rows])
     drift = Rotation.from_quat(reference.q[rows], scalar_first=True) * by_gyroscope.inv()
     usual = max(3, round(BLOCK / np.median(np.diff(reference.t))))
@@ -193,7 +193,7 @@ def _noise(reference):
 
     The result is a dict.
     """
-    t, known, placed = reference.t, reference.known, reference.placed
+    t, known, placed = reference.t, reference.has_attitude, reference.has_place
     attitude = Rotation.from_quat(reference.q[known], scalar_first=True)
     turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     return {

@@ -157,8 +157,9 @@ class Rows:
     def _put_on(self, x):
         """Put the rows on a clock: set their time stamps, (n,), and the newest one before each."""
         self.x = x
-        newest = np.maximum.accumulate(np.where(self.usable, x, self.origin - 1))
-        self.before = np.append(self.origin - 1, newest[:-1]).astype(x.dtype)
+        self.before = np.where(self.usable, x, self.origin - 1)
+        self.before[1:] = np.maximum.accumulate(self.before)[:-1]
+        self.before[0] = self.origin - 1
 
     def _make_even(self):
         """Make the time stamps even if the sensor samples evenly, or spread the rows of packets."""
@@ -169,6 +170,8 @@ class Rows:
         if not new.any():
             return
         repeats = np.count_nonzero(whole & (self.x == self.before))
+        # whole columns need no copy
+        new = slice(None) if new.all() else new
         number, t = self.number[new], self.times(new)
         packets, even = packet_step(number, t, repeats), None
         if not self.clock.resets:
