@@ -62,19 +62,19 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, tmp_path, force_rate
     # a log that rests is one rest, for any clocks
     assert segments["kind"].tolist() == ["static"]
     session = RecordedSession("log", "static", samples, segments)
-    found = estimate_noise("imu", [session], NoiseSettings())
+    noise = estimate_noise("imu", [session], NoiseSettings())
     curves = pd.DataFrame(session_curves(session, NoiseSettings())).groupby("axis").first()
-    for sensor, axes, density, own in (
+    for sensor, axes, density, hertz in (
         ("accelerometer", ["ax", "ay", "az"], FORCE_NOISE, force_rate),
         ("gyroscope", ["gx", "gy", "gz"], RATE_NOISE, turn_rate),
     ):
-        np.testing.assert_allclose(found.rates_hz[sensor], own, rtol=1e-3)
-        densities = [found.model.axes[axis].N.value for axis in axes]
+        np.testing.assert_allclose(noise.rates_hz[sensor], hertz, rtol=1e-3)
+        densities = [noise.model.axes[axis].N.value for axis in axes]
         np.testing.assert_allclose(densities, density, rtol=0.05)
-        np.testing.assert_allclose(curves.loc[axes, "tau_s"], 1 / own, rtol=1e-3)
-        np.testing.assert_allclose(curves.loc[axes, "adev"], density * np.sqrt(own), rtol=0.05)
+        np.testing.assert_allclose(curves.loc[axes, "tau_s"], 1 / hertz, rtol=1e-3)
+        np.testing.assert_allclose(curves.loc[axes, "adev"], density * np.sqrt(hertz), rtol=0.05)
     # nothing is said of what merging two clocks alone would do
-    assert not [note for note in found.notes if "power is lacking" in note]
+    assert not [note for note in noise.notes if "power is lacking" in note]
     assert "a value is held" not in str(read_json(device.sessions["log"]["quality"])["warnings"])
 
 
@@ -118,12 +118,12 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, force_rate, turn_rate)
     device = imuloop.calibrate(export(t_force, force, t_rate, rate))
     sensors = ("accelerometer", "gyroscope")
     for sensor, scale, limit in zip(sensors, scales, (3e-4, 1e-3), strict=True):
-        own = getattr(device.calibration, sensor)
+        fit = getattr(device.calibration, sensor)
         verdicts = device.diagnosis["sensors"][sensor]
         # within four of its own errors, and those are small
-        error = np.array([own.std[f"K{k}"] for k in range(3)])
+        error = np.array([fit.std[f"K{k}"] for k in range(3)])
         assert (error < limit).all()
-        assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
+        assert (np.abs(fit.K - scale) < 4 * error).all(), (fit.K - scale) / error
         assert verdicts["poses"]["verdict"] == "consistent"
         # a slow accelerometer misses what a move does
         if force_rate < 0.9 * turn_rate:

@@ -94,6 +94,7 @@ def test_a_reference_in_the_log_itself_is_read(tmp_path):
     path = tmp_path / "log.csv"
     pd.DataFrame(log | same).to_csv(path, index=False)
     declared = DECLARED | {"columns": {"orientation": QUATERNION, "position": PLACE}}
-    found = read_json(ingest_session(tmp_path, "s", [path], declared)["quality_path"])
-    assert found["status"] == "ok"
-    assert found["reference"]["lost"] == odd.sum() and found["reference"]["coverage"] > 0.99
+    quality = read_json(ingest_session(tmp_path, "s", [path], declared)["quality_path"])
+    assert quality["status"] == "ok"
+    figures = quality["reference"]
+    assert figures["lost"] == odd.sum() and figures["coverage"] > 0.99

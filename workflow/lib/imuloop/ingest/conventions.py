@@ -89,8 +89,7 @@ def convention_faults(reference, t, w, declared):
                 f"w, x, y, z and declare convention: {convention}"
             )
     elif abs(size - 1) > SCALE:
-        why = [f"its turns are {size:.3g} times the turns of the gyroscope: wrong unit or full "
-               "scale, such as deg/s for rad/s; see units.angular_rate"]  # fmt: skip
+        why = [f"its turns are {size:.3g} times the gyroscope's: see units.angular_rate, as deg/s"]
     return [f"reference.orientation: {'; '.join(why)}"] if why else [], frame, residual
 
 
@@ -142,11 +141,9 @@ def place_faults(reference, t, f, frame, unit):
     scales = {name: abs(size) * metres / LENGTH[unit] for name, metres in LENGTH.items()}
     fits = [name for name, scale in scales.items() if abs(scale - 1) < 3 * SCALE]
     if fits and fits != [unit]:
-        why = f"{abs(size):.3g} times as far as specific force says: declare units.position: "
-        why += fits[0]
+        why = f"{abs(size):.3g} times too far: declare units.position: {fits[0]}"
     elif size < 0:
-        why = "accelerates against specific force: it is mirrored; change the sign of one axis, or "
-        why += "of orientation's vector part"
+        why = "mirrored: change the sign of one axis, or of the vector part of orientation"
     elif cosine < 1 - SCALE:
         angle = np.degrees(np.arccos(cosine))
         why = f"its axes are {angle:.0f} degrees from the axes of orientation"

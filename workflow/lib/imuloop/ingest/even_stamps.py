@@ -286,8 +286,8 @@ def rebuilt_line(rows):
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"
     if not even:
         return f"the stamps {why}: they are put {rows.packets[0]:.6g} s apart within each packet"
-    lost = plural(int(even.lost[-1]) if len(even.lost) else 0, "lost sample")
+    lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
     return (
-        f"the stamps {why}: t is rebuilt from the row number at {1 / even.step:.6g} Hz with {lost} "
-        "between; where the sensor itself pauses, give rate in Hz"
+        f"the stamps {why}: t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}; "
+        "where the sensor itself pauses, give rate in Hz"
     )
