@@ -18,11 +18,14 @@ HALF = 0.5
 # stamps are made even if the range that holds nine in ten of them is at least this share of a step:
 # a smaller range is noise of a host's clock
 SCATTER = 0.12
-# a smaller number of transfers, missing samples, or rows with a shared stamp may be an accident. It
-# is also the least power of a clock in the spectrum of the stamps, in units of the power of random
-# stamps, the number of bins per mean step in that spectrum, and the number of parts of a log, of at
-# least ten rows each, that are tested for whether their stamps lie on one line
+# a smaller number of transfers, missing samples, or rows with a shared stamp may be an accident
 ENOUGH = 20
+# number of parts of a log, of at least ten rows each, that are tested for whether their stamps lie
+# on one line: fewer parts hide lost samples
+PARTS = 20
+# number of bins per mean step in the spectrum of the stamps, and the least power of a clock in it,
+# in units of the power of random stamps
+_BINS, _SURE = 20, 20
 # mean steps in a block of that spectrum, and time stamps in a running mean of the phase: clocks
 # drift slowly
 _BLOCK, _PHASE = 4096, 512
@@ -80,7 +83,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < 10 * ENOUGH:
+    if len(t) < 10 * PARTS:
         return None
     mean = (t[-1] - t[0]) / (rows[-1] - rows[0])
     if np.ptp(t - mean * rows) < SCATTER / 2 * mean and not packets:
@@ -92,7 +95,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     too_even = single and (increments or scatter < SCATTER * step)
     if too_even or not np.isfinite(1 / step):
         return None
-    medians = [np.median(part) for part in np.array_split(away, ENOUGH)]
+    medians = [np.median(part) for part in np.array_split(away, PARTS)]
     on_line = np.ptp(medians) <= (step / 2 if single else max(scatter, step / 2))
     even, clean = Even(step) if on_line else None, False
     if by_clock := _by_clock(rows, t, packets):
@@ -112,8 +115,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range of nine in ten values x, (n,), a median over `ENOUGH` parts."""
-    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, ENOUGH)]
+    """Return the width of the range of nine in ten values x, (n,), a median over `PARTS` parts."""
+    ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
     return np.median(np.ptp(ends, axis=1))
 
 
@@ -200,23 +203,23 @@ def _clock(t):
     """
     mean = (len(t) - 1) / (t[-1] - t[0])
     x = (t - t[0]) * mean
-    pulses = np.bincount((x * ENOUGH + 0.5).astype(int))
-    size = min(len(pulses), _BLOCK * ENOUGH)
+    pulses = np.bincount((x * _BINS + 0.5).astype(int))
+    size = min(len(pulses), _BLOCK * _BINS)
     blocks = pulses[: len(pulses) // size * size].reshape(-1, size)
     length = next_fast_len(4 * size, real=True)
-    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // ENOUGH + 1], length)) ** 2
+    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // _BINS + 1], length)) ** 2
     # in units of the power of random stamps
-    f, power = np.fft.rfftfreq(length, 1 / ENOUGH), power.mean(axis=0) * ENOUGH / size
-    inside = (f > 1 - ENOUGH / size) & (f <= 2)
+    f, power = np.fft.rfftfreq(length, 1 / _BINS), power.mean(axis=0) * _BINS / size
+    inside = (f > 1 - _BINS / size) & (f <= 2)
     f, power = f[inside], power[inside]
     # on a grid of stamps the clock has images at higher frequencies; a peak spans four
     low = np.flatnonzero(power > HALF * power.max())[0]
-    peak = f[low + power[low : low + ENOUGH // 2].argmax()]
+    peak = f[low + power[low : low + _BINS // 2].argmax()]
     for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
         is_clock = np.mean(step == 1) > np.mean(step > 1)
-        if is_clock and np.interp(clock, f, power) > ENOUGH:
+        if is_clock and np.interp(clock, f, power) > _SURE:
             return clock * mean
     return None
 
