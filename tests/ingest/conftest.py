@@ -48,7 +48,7 @@ def run(tmp_path):
         where |= {key: declared.pop(key) for key in {*where} & {*declared}}
         ingest(
             **where,
-            declared=Declared(**{key: each for key, each in declared.items() if each is not None}),
+            declared=Declared(**{key: x for key, x in declared.items() if x is not None}),
             paths=paths,
             samples_path=target,
             quality_path=tmp_path / "out" / "quality.json",

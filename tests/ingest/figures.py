@@ -12,7 +12,7 @@ def check_figures(quality, figures):
     for path, expected in figures.items():
         values = [quality]
         for key in path.split("."):
-            values = [found for value in values for found in _members(value, key)]
+            values = [member for value in values for member in _members(value, key)]
         assert all(_is(value, expected) for value in values), (path, values, expected)
 
 

@@ -12,9 +12,9 @@ NAMES = {"ALL": ALL, "FORCE": FORCE, "RATE": RATE}
 def harmed(log, harm):
     """Return a log that is changed by functions of this module, {name: arguments}."""
     for name, arguments in harm.items():
-        given = [NAMES.get(x, x) if isinstance(x, str) else x for x in arguments]
+        values = [NAMES.get(x, x) if isinstance(x, str) else x for x in arguments]
         # a harm that is done again has a number after its name
-        changed = globals()[name.partition(" ")[0]](log, *given)
+        changed = globals()[name.partition(" ")[0]](log, *values)
         log = log if changed is None else changed
     return log
 
@@ -77,26 +77,18 @@ def fading(log):
 def flat_top(log, rows, count):
     """Clip gx to a number of rows, then hold each value for a number of rows."""
     log["gx"] = log["gx"].clip(upper=log["gx"].nlargest(rows).iloc[-1])
-    held(log, ALL, count)
-
-
-def reached(log, limit, rows):
-    """Let each axis of the gyroscope reach one end of a range in some rows."""
-    for name, sign in zip(RATE, (1, -1, 1), strict=True):
-        largest = log[name].mul(sign).nlargest(rows).index
-        log[name] = log[name].clip(-0.99 * limit, 0.99 * limit)
-        log.loc[largest, name] = sign * limit
+    repeated(log, ALL, count)
 
 
 def sixteen_bits(log, zero):
     """Write the rate as counts of 1e-4 rad/s, the largest of gx at the ends of 16 bits."""
     log[RATE] = (log[RATE] / 1e-4).round()
-    fastest = log.gx.abs().nlargest(18).index
+    fastest = log.gx.abs().nlargest(40).index
     log.loc[fastest, "gx"] = np.where(log.gx[fastest] > 0, 32767, -32768)
     log[RATE] += zero
 
 
-def held(log, names, count):
+def repeated(log, names, count):
     """Repeat each value for some rows, as a sensor does that is slower than its log."""
     rows = np.floor(np.floor(np.arange(len(log)) / count) * count).astype(int)
     log[names] = log[names].to_numpy()[rows]
@@ -147,10 +139,9 @@ def gravity_as_rate(log, size, digits):
     log[RATE] = (size * unit).round(digits).to_numpy()
 
 
-def changed_amid(log, factor, bias):
-    """Change the scale of the force, and the bias of x, from half of the log on."""
+def changed_amid(log, factor):
+    """Change the scale of the force from half of the log on."""
     log.loc[len(log) // 2 :, FORCE] *= factor
-    log.loc[len(log) // 2 :, "ax"] += bias
 
 
 # --- rows
@@ -175,9 +166,9 @@ def late(log, block):
     return log.iloc[np.insert(order, 161, np.arange(100, 100 + block))]
 
 
-def written_twice(log, start, each):
-    """Write one of `each` rows twice."""
-    return log.iloc[np.sort(np.r_[np.arange(len(log)), np.arange(start, len(log), each)])]
+def written_twice(log, start, step):
+    """Write one of `step` rows twice."""
+    return log.iloc[np.sort(np.r_[np.arange(len(log)), np.arange(start, len(log), step)])]
 
 
 def twice(log, force, rate, order=1):

@@ -12,26 +12,20 @@ from ingest.figures import check_figures
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 KEYS = {"log", "harm", "says", "reason", "drops", "within", "figures", "declared"}
+LOGS = [
+    pytest.param(log, case, id=f"{name}, {log}")
+    for name, case in CASES.items()
+    for log in (case["log"] if isinstance(case["log"], list) else [case["log"]])
+]
 
 
-def each_log():
-    """Yield the name of each sound log and the row of its harm."""
-    for name, case in CASES.items():
-        several = case["log"] if isinstance(case["log"], list) else [case["log"]]
-        for log in several:
-            yield pytest.param(log, case, id=f"{name}, {log}" if len(several) > 1 else name)
-
-
-def harmed_log(log, case):
-    """Return the harmed log of a row, with the labels of the rows of the sound log."""
-    name, arguments = (log, ()) if isinstance(log, str) else next(iter(log.items()))
-    return harm.harmed(getattr(logs, name)(*arguments), case.get("harm", {}))
-
-
-@pytest.mark.parametrize(("log", "case"), [*each_log()])
+@pytest.mark.parametrize(("log", "case"), LOGS)
 def test_a_harmed_log_is_named_and_nothing_else(run, log, case):
     assert {*case} <= KEYS
-    table, declared = harmed_log(log, case), case.get("declared", {})
+    # a sound log has its name, or its name and arguments
+    name, arguments = (log, ()) if isinstance(log, str) else next(iter(log.items()))
+    table = harm.harmed(getattr(logs, name)(*arguments), case.get("harm", {}))
+    declared = case.get("declared", {})
     kind = {"kind": "static"} if log == "rest" else {}
     samples, quality, *_ = run(table, **kind | declared)
     lines, reason = quality["reasons"] + quality["warnings"], case.get("reason", "")

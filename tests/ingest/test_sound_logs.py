@@ -21,16 +21,16 @@ SOUND = [("example", "multi_position", {"poses": 12}), ("iphone_6", "six_positio
 @pytest.mark.parametrize(("truth", "kind", "changed"), SOUND)
 def test_a_sound_log_has_no_line(repository, run, truth, kind, changed):
     truth = read_truth(repository / f"data/replicas/{truth}.yaml") if truth != "example" else None
-    found = run(simulated(kind, 900, truth, **changed), kind=kind).quality
-    assert (found["reasons"], found["warnings"]) == ([], [])
+    quality = run(simulated(kind, 900, truth, **changed), kind=kind).quality
+    assert (quality["reasons"], quality["warnings"]) == ([], [])
 
 
 # the ends of a slow turn must not count as bias
 @pytest.mark.parametrize(("seed", "case"), [(14, "slow_turns"), (46, "lossy")])
 def test_turns_go_as_far_as_the_scale_factor_says(run, seed, case):
-    made = record(seed, case)
-    ratio = run(pd.DataFrame(made.columns)).quality["faults"]["rests"]["turn_ratio"]
-    assert abs(ratio["value"] * made.gyroscope.K.mean() - 1) < 0.02
+    log = record(seed, case)
+    ratio = run(pd.DataFrame(log.columns)).quality["faults"]["rests"]["turn_ratio"]
+    assert abs(ratio["value"] * log.gyroscope.K.mean() - 1) < 0.02
 
 
 T = np.arange(7000) / 100
@@ -86,9 +86,9 @@ def test_packets_are_spread_where_samples_are_lost_or_the_sensor_pauses(run, end
     log = later(in_packets(poses(), 4, 0.3, 1e-4, end), (4000, 3.0))
     kept = log[np.random.default_rng(1).random(len(log)) > 0.01]
     done = run(kept, rate=rate)
-    found = done.quality
-    assert found["reasons"] == [] and found["duplicates"] == found["out_of_order"] == 0
-    assert found["rows"] == len(kept)
+    quality = done.quality
+    assert quality["reasons"] == [] and quality["duplicates"] == quality["out_of_order"] == 0
+    assert quality["rows"] == len(kept)
     true = (kept.index.to_numpy() + 300 * (kept.index >= 4000)) / 100
     # a packet that lost a row is off by a step
     away = np.abs(done.samples.t - (true - true[0]))
@@ -99,7 +99,7 @@ def test_every_row_is_counted_once(run, log):
     log["t"] = np.random.default_rng(1).permutation(log.t)
     log.loc[::7, "ax"] = np.nan
     log.loc[::5, "t"] = np.nan
-    found = run(log, time_range=[0, 3]).quality
+    quality = run(log, time_range=[0, 3]).quality
     parts = "rows outside_time_range non_finite duplicates out_of_order".split()
-    assert sum(found[part] for part in parts) == found["rows_read"] == 500
-    assert found["status"] == "rejected"
+    assert sum(quality[part] for part in parts) == quality["rows_read"] == 500
+    assert quality["status"] == "rejected"

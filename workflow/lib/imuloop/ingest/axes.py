@@ -22,12 +22,12 @@ TURN_WINDOW, KEPT = 0.25, 4096
 # a step is used if it turns gravity by more than this angle, rad, and if the size of the specific
 # force differs from gravity by less than this share
 LEAST_STEP, MOST_SHAKEN = 0.1, 0.3
-# a mapping has to beat the identity in at least this number of steps, and in this number for each
-# step in which the identity beats the mapping
+# fewer steps show no orientation
 LEAST_STEPS = 4
-# a mapping is stated if its agreement exceeds the first number; another mapping remains possible if
-# its agreement is less than the second number below the best one
-AGREEMENT, LEAD = 0.8, 0.05
+# a mapping is stated if its agreement exceeds the first number, as accelerations by the hand lower
+# the agreement; another mapping remains possible if its agreement is less than the second number
+# below the best one
+AGREEMENT, LEAD = 0.9, 0.05
 # signed permutations, the identity first
 MAPPINGS = np.array(
     [
@@ -73,22 +73,16 @@ def fit_axes(means, step):
     cosine = (turned * change).sum(axis=2) / size
     agreement = cosine.mean(axis=1)
     best = int(np.argmax(agreement))
-    lead = cosine[best] - cosine[0]
-    favour, against = int((lead > 0.2).sum()), int((lead < -0.2).sum())
     common = (turned[best] * change).sum()
-    possible = agreement > agreement[best] - LEAD
-    sure = agreement[best] > AGREEMENT and not possible[0]
-    mapping = None
-    if sure and favour >= LEAST_STEPS * max(1, against):
+    possible, mapping = agreement > agreement[best] - LEAD, None
+    if agreement[best] > AGREEMENT and not possible[0]:
         same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
-        mapping = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
+        mapping = ((MAPPINGS[best] @ [1, 2, 3]) * same).astype(int).tolist()
     return {
         "agreement": float(agreement[0]),
         "best": float(agreement[best]),
         "ratio": float((turned[best] ** 2).sum() / common) if common > 0 else None,
-        "steps": [favour, against],
-        "steps_used": len(steps),
-        "mapping": mapping if mapping and any(mapping) else None,
+        "mapping": mapping if any(mapping or ()) else None,
     }
 
 
@@ -96,10 +90,8 @@ def mapping_words(mapping):
     """Return a mapping of the axes in words, such as "x as gy, y as -gx: turned axes".
 
     `mapping` has a number for each of x, y, z: 1, 2, 3 for gx, gy, gz, negative if the sign is
-    turned, and 0 if the axis is not known. If it is None, the result is None.
+    turned, and 0 if the axis is not known.
     """
-    if not mapping:
-        return None
     axes = [
         f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"
         for axis, number in zip("xyz", mapping, strict=True)

@@ -5,12 +5,10 @@ range are saturation, runs of one row that come back to one value are failed rea
 are values that are held.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
-from imuloop.ingest.spikes import count_jumps
+from imuloop.core.samples import OWN_TIME, ROWS, SENSORS, own_rows
 
 # rows of a block; and a channel is fine if its values span more than `SPAN` quantisation steps in a
 # block: values within two steps may come from noise below the step
@@ -25,8 +23,6 @@ FAR_STEPS, FLAT_TOP = 8, 3
 # rows at the next level by this factor: noise of 0.55 steps or more does so with a probability of
 # e^-11
 CUT_TAIL = 300
-# ends of 16 bits, in quantisation steps: such an end is saturated if two rows are there
-RAILS = (2**15 - 1, 2**15)
 # a value is a failed read if it stands alone in more than this share of the rows: a value that
 # comes at random, with probability p, stands alone in a share p (1 - p)^2, a seventh at most
 OFTEN = 0.2
@@ -36,152 +32,127 @@ LEAST_HELD = 1.25
 MOST = 0.9
 
 
+def new_rows(samples, names):
+    """Return the rows with a new sample of the sensor with the channels `names`, (k,) or a slice.
+
+    `samples` are columns by name. Rows repeat the samples of a sensor with a slower clock.
+    """
+    stamps = {axes: OWN_TIME[sensor] for sensor, axes in SENSORS.items()}.get(tuple(names))
+    return own_rows(samples[stamps]) if stamps in samples else slice(None)
+
+
+def quantisation_step(x):
+    """Return the smallest step between values of x, (n,), or 0 if most values are distinct."""
+    # only the first part of a long log is used
+    x = x[:ROWS][np.isfinite(x[:ROWS])]
+    levels = np.sort(pd.unique(x))
+    steps = np.diff(levels)
+    # values that differ by the rounding of the conversion to SI are the same value
+    steps = steps[steps > 1e-12 * np.abs(levels).max(initial=0.0)]
+    return float(steps.min()) if len(steps) and len(levels) <= len(x) / 2 else 0.0
+
+
 def blocks(x):
     """Return samples, (n,), as blocks, (n // BLOCK, BLOCK), without the last, incomplete one."""
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
-def jump_sizes(x):
-    """Return the size of the change from each sample of x, (n,), to the next one, (n - 1,)."""
-    size = np.diff(x)
-    return np.abs(size, out=size)
+def least_stuck(lengths):
+    """Return the least number of rows of a stuck run, infinite if no run is stuck.
 
-
-def least_stuck(counts):
-    """Return the least number of rows of a stuck run.
-
-    Element k of `counts` is the number of runs of k rows. If no run is stuck, the result is more
-    than the number of all rows.
+    `lengths` are the numbers of rows of all runs, (m,).
     """
-    length = np.flatnonzero(counts)
-    shorter = np.cumsum(counts[length])[:-1]
-    long = length[1:] >= STUCK_FACTOR * length[:-1]
-    return length[1:][long & (shorter >= FEWEST)].min(initial=counts @ np.arange(len(counts)) + 1)
+    ordered = np.sort(lengths)
+    longer = ordered[FEWEST:]
+    stuck = longer[longer >= STUCK_FACTOR * ordered[FEWEST - 1 : -1]]
+    return stuck[0] if len(stuck) else np.inf
 
 
-@dataclass
 class Channel:
-    """The samples of a channel, (n,) SI, and what its runs show.
+    """The samples of a channel and what its runs show.
 
-    `step` is the quantisation step, 0 if it is unknown. `low` and `high` are the ends of the range
-    of the samples. `width` is the range of values in each block, and `changed` tells which rows
-    differ from the row before, (n - 1,). `is_fine` tells whether noise spans the step in half of
-    the blocks that change.
-    `stuck` are the stuck runs, (first row, rows), and `tops` the values of flat tops.
-    `failed_reads` is the number of rows with the value of failed reads, which are far from the rows
-    before and after. `jumps` is the number of samples that jump far away and back again. `wraps`
-    are the rows before an integer wraps around, (k,).
+    Attributes
+    ----------
+    x, step : array of shape (n,), float
+        The samples, SI, and their quantisation step, 0 if it is unknown.
+    low, high : float
+        Ends of the range of the samples.
+    width : array, shape (n // BLOCK,)
+        Range of the values in each block.
+    changed : array of bool, shape (n - 1,)
+        Which rows differ from the row before.
+    is_fine : bool
+        Whether noise spans the step in half of the blocks that change.
+    stuck : list of tuple of int
+        First row and number of rows of the stuck runs.
+    tops : array
+        Values of flat tops.
+    failed_reads : int
+        Number of rows with the value of failed reads, which are far from the rows before and after.
+    ends : dict of float to int
+        Number of rows at each saturated end of the range, SI.
+    wraps : array of int
+        Rows before an integer wraps around.
     """
 
-    x: np.ndarray
-    step: float
-    low: float
-    high: float
-
-    def __post_init__(self):
-        self.width, self.changed = np.ptp(blocks(self.x), axis=1), self.x[1:] != self.x[:-1]
+    def __init__(self, x, step):
+        self.x, self.step = x, step
+        self.low, self.high = np.fmin.reduce(x), np.fmax.reduce(x)
+        self.width, self.changed = np.ptp(blocks(x), axis=1), x[1:] != x[:-1]
         changing = np.count_nonzero(self.width)
-        self.is_fine = np.count_nonzero(self.width > SPAN * self.step) >= changing / 2 > 0
-        # first row and number of rows of the runs of two rows and more
-        edges = np.flatnonzero(np.diff(self.changed, prepend=True, append=True))
-        first, lengths = edges[::2], edges[1::2] - edges[::2] + 1
-        counts = np.bincount(lengths, minlength=2)
-        counts[1] = np.count_nonzero(self.changed) + 1 - len(first)
-        long = lengths >= (least_stuck(counts) if self.is_fine else len(self.x) + 1)
-        self.stuck = list(zip(first[long].tolist(), lengths[long].tolist(), strict=True))
-        size = jump_sizes(self.x)
-        far = size > FAR_STEPS * self.step
-        inner = (lengths >= FLAT_TOP) & (first > 0) & (first + lengths < len(self.x))
-        first, last = first[inner], (first + lengths - 1)[inner]
-        tops = self.x[first[far[first - 1] & far[last]]]
+        self.is_fine = np.count_nonzero(self.width > SPAN * step) >= changing / 2 > 0
+        first = np.flatnonzero(np.append(True, self.changed))
+        lengths = np.diff(first, append=len(x))
+        long = lengths >= (least_stuck(lengths) if self.is_fine else np.inf)
+        self.stuck = [*zip(first[long].tolist(), lengths[long].tolist(), strict=True)]
+        # inner runs that are far from the run before and the run after
+        far = np.abs(np.diff(x[first])) > FAR_STEPS * step
+        lengths, values = lengths[1:-1][far[:-1] & far[1:]], x[first[1:-1][far[:-1] & far[1:]]]
+        tops, alone = values[lengths >= FLAT_TOP], values[lengths == 1]
         # flat tops also at other values show a sensor that holds its values
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
-        alone, often = self.x[1:-1][far[:-1] & far[1:]], OFTEN * len(self.x)
-        self.failed_reads = 0
-        if self.step and len(alone) > often:
-            rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
-            self.failed_reads = rows if rows > often else 0
-        self.jumps, self.wraps = count_jumps(self.x, self.step, size), self._wraps(size)
+        same = pd.Series(alone).value_counts().max() if len(alone) > OFTEN * len(x) else 0
+        self.failed_reads = int(same) if same > OFTEN * len(x) else 0
+        self.ends, self.wraps = self._saturated_ends(), self._wraps()
 
-    def _wraps(self, size):
-        """Return the rows after which an integer wraps around, (k,) of int.
+    @property
+    def is_silent(self):
+        """Whether the channel changes, but never in most blocks; stuck once or twice, it is not."""
+        is_still = self.low < self.high and np.count_nonzero(self.width) < len(self.width) / 2
+        return is_still and len(self.stuck) not in (1, 2)
 
-        It then jumps from one end of its range to the other. `size`, (n - 1,), are the sizes of the
-        jumps from row to row. Three other causes are excluded: a range whose ends are not of
-        opposite sign and about equal size; a value that swings from end to end, which also makes
-        large steps just before or after; and a value that saturates, which stays at an end.
+    def _saturated_ends(self):
+        """Return the number of rows at each saturated end of the range, a dict by value, SI.
+
+        An end is saturated if many rows are there and few at the next level, or if it is reached in
+        flat tops, which no smooth motion has.
         """
-        span, most = self.high - self.low, (1 - MOST) * (self.high - self.low)
-        if not abs(self.low + self.high) <= 2 * most:
-            return np.empty(0, dtype=int)
-        rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
-        before, after = size[rows - 1], size[rows + 1]
-        from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
-        held = ((before == 0) & from_end) | ((after == 0) & to_end)
-        change = np.maximum(before, after)
-        return rows[(0 < change) & (2 * change < most) & ~held]
-
-
-def saturation(channels, rate):
-    """Return the saturated ends of the range of each channel: {name: {"values", "rows"}}.
-
-    "values" are the ends, SI, a list, and "rows" is the number of rows there. An end is saturated
-    if many rows are there and few at the next level, or if it is reached in flat tops, which no
-    smooth motion has. Each axis may reach an end for a few rows only, so the rows of all ends of
-    equal size are added up. A single run of a second or more is a stuck value, unless
-    other ends of this size are saturated.
-
-    Parameters
-    ----------
-    channels : dict of str to Channel
-        Channels of the sensor by name.
-    rate : float
-        Samples per second, Hz.
-    """
-    ends, found = [], {name: {"values": [], "rows": 0} for name in channels}
-    for name, c in channels.items():
-        width = c.step or np.finfo(float).tiny
-        for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
-            # only rows within two steps of the end are looked at: most rows are not
-            near = c.x <= value + 2 * width if value == c.low else c.x >= value - 2 * width
-            away = np.abs(c.x[near] - value)
+        ends, width = {}, self.step or np.finfo(float).tiny
+        for value in sorted({self.low, self.high} - {0.0}) if self.low < self.high else ():
+            away = np.abs(self.x - value)
             rows = np.count_nonzero(away < 0.5 * width)
             beside = np.count_nonzero(away < 1.5 * width) - rows
-            runs = [length for start, length in c.stuck if c.x[start] == value]
-            flat = np.count_nonzero(c.tops == value)
-            flat += rows > 1 and c.step > 0 and round(abs(value) / c.step) in RAILS
-            single = len(runs) == 1 and runs[0] >= max(rate, MOST * rows)
-            if c.is_fine or flat:
-                ends.append((name, value, rows, beside, flat, width, single))
-    for name, value, rows, *_, width, _ in ends:
-        same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width and not e[6]]
-        total, near, flat = (sum(e[k] for e in same) for k in (2, 3, 4))
-        if flat or total**2 > CUT_TAIL * max(near, 1):
-            found[name]["values"].append(value)
-            found[name]["rows"] += int(rows)
-    return found
+            is_cut = self.is_fine and rows**2 > CUT_TAIL * max(beside, 1)
+            if is_cut or (self.tops == value).any():
+                ends[float(value)] = rows
+        return ends
 
+    def _wraps(self):
+        """Return the rows after which an integer wraps around, (k,) of int.
 
-def silent(channels, force):
-    """Return the names of channels that never change in nearly all quiet blocks.
-
-    `channels` are the Channels of a sensor by name. `force` are the samples of the three axes of
-    the accelerometer, (n,) each. A block is quiet if the variance of the force in it is at most the
-    median of all blocks.
-    """
-    if all(c.width.all() for c in channels.values()):
-        return []
-    power = sum(np.var(blocks(x), axis=1) for x in force)
-    if not len(power):
-        return []
-    quiet = power <= np.median(power)
-    return [
-        name
-        for name, c in channels.items()
-        # a channel that is stuck only once or twice is not silent
-        if c.low < c.high and len(c.stuck) not in (1, 2)
-        if np.mean(c.width[quiet] == 0) > MOST
-    ]
+        It then jumps from one end of its range to the other. Three other causes are excluded: a
+        range whose ends are not of opposite sign and about equal size; a value that swings from end
+        to end, which also makes large steps just before or after; and a value that saturates, which
+        stays at an end.
+        """
+        size, span = np.abs(np.diff(self.x)), self.high - self.low
+        rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
+        before, after = size[rows - 1], size[rows + 1]
+        at_end = np.isin(self.x, (self.low, self.high))
+        saturates = ((before == 0) & at_end[rows]) | ((after == 0) & at_end[rows + 1])
+        change, most = np.maximum(before, after), (1 - MOST) * span
+        jumps = (0 < change) & (2 * change < most) & ~saturates
+        return rows[jumps] if abs(self.low + self.high) <= 2 * most else rows[:0]
 
 
 def rows_a_value(channels):
@@ -189,14 +160,18 @@ def rows_a_value(channels):
 
     `channels` is the list of the Channels of the sensor.
     """
-    changed = np.any([c.changed for c in channels], axis=0)
-    # there are too many changes: nine in ten values would have to last for `LEAST_HELD` rows
-    if np.count_nonzero(changed) * MOST * LEAST_HELD > len(changed):
-        return 1.0
-    lengths = np.diff(np.flatnonzero(changed))
+    lengths = np.diff(np.flatnonzero(np.any([c.changed for c in channels], axis=0)))
     if len(lengths) < FEWEST:
         return 1.0
-    usual = np.median(lengths)
-    near = lengths[np.abs(lengths - usual) <= max(1.0, 0.15 * usual)]
-    held = len(near) >= MOST * len(lengths) and near.mean() >= LEAST_HELD
-    return float(near.mean()) if held else 1.0
+    near = lengths[np.abs(lengths - np.median(lengths)) <= 1]
+    is_held = len(near) >= MOST * len(lengths) and near.mean() >= LEAST_HELD
+    return float(near.mean()) if is_held else 1.0
+
+
+def count_alone(mask):
+    """Return the number of rows in which a mask, (n,), is true but not in the rows beside.
+
+    The result is 0 if these are not more than the share `OFTEN` of all rows.
+    """
+    alone = int(np.count_nonzero(mask[1:-1] & ~mask[:-2] & ~mask[2:]))
+    return alone if alone > OFTEN * len(mask) else 0

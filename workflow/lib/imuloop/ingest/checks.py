@@ -1,12 +1,11 @@
 """The table of checks: the faults of a log, how bad each is, and the remedies.
 
-A check is a row of `CHECKS`. Its function `measure` takes the `Evidence` on a log. The function
+A check is a row of `CHECKS`. Its function `measure` takes the `Evidence` e on a log. The function
 returns a false value if all is well, else the values for the message: a text, a number, a list of
 texts, or values by name. The message and the remedy may also name quality figures, as in
 ``{rate_hz:.4g}``.
 """
 
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,12 +17,13 @@ from imuloop.core.units import DEGREE
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import plausible
 from imuloop.ingest.axes import mapping_words
-from imuloop.ingest.convert import BEYOND, Counts
-from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.convert import BEYOND
+from imuloop.ingest.places import PAIR
 from imuloop.ingest.stamps import PLAUSIBLE_RATE
 
-# how bad a finding is: the log cannot be read, so that no other check holds; the log cannot be
-# used; it contradicts its declaration; it may contradict its declaration; a user should look at it
+# how bad a finding is: the log cannot be read, so that nothing else is said of it; the log cannot
+# be used; it contradicts its declaration; it may contradict its declaration; a user should look at
+# it
 SEVERITIES = ("unreadable", "unusable", "misdeclared", "doubtful", "warning")
 UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = SEVERITIES
 
@@ -34,6 +34,8 @@ LEAST_ROWS, LEAST_DURATION = 100, 2.0
 LEAST_CHANGE = 1e-12
 # largest share of its rows that a usable log loses to faults
 MOST_DROPPED = 0.05
+# rate of the fastest usual log, and least usual rate of time stamps without a unit, Hz
+MOST_RATE, LEAST_RATE = 1e4, 1.5
 # lowest and highest temperature of an IMU, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 # largest mean angular rate of turns by hand, rad/s
@@ -47,37 +49,6 @@ MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
 # a channel is named if its integer wraps around at least this number of times, and the log is
 # misdeclared from the second number on: a log of several joined logs has one or two such jumps
 LEAST_WRAPS, MOST_WRAPS = 3, 20
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """A log for the checks: its quality figures, the counts of its rows, and its declaration.
-
-    `figures` are the quality figures as in quality.json, and `counts` are the `Counts` of the rows.
-    `units` are the `RawUnit` of each sensor by quantity. `gravity` is in m/s^2, None if the log
-    lacks the acceleration. `kind` is the kind of session, such as "static". `nominal` are the
-    declared scales of counts by quantity, and `rate` is the declared rate, Hz.
-    """
-
-    figures: dict
-    counts: Counts
-    log: RawLog
-    units: dict
-    gravity: float | None
-    kind: str | None = None
-    nominal: dict | None = None
-    rate: float | None = None
-
-    @property
-    def faults(self):
-        """The figures ``faults`` of the samples; empty for each name if they were not measured."""
-        return self.figures["faults"] or defaultdict(dict)
-
-    @property
-    def inside(self):
-        """The number of rows in the time range, plus the lines that cannot be read."""
-        counts = self.counts
-        return counts.read - counts.outside - counts.identical + self.log.bad_lines
 
 
 @dataclass(frozen=True)
@@ -96,18 +67,16 @@ class Check:
     about: str = ""
 
 
-def listed(by_name, text="{0} {1}"):
-    """Return a text for each name in `by_name` whose count is not zero, a list.
+def listed(counts, text="{0} {1}"):
+    """Return a text for each name in `counts` whose count is not zero, a list.
 
-    `by_name` maps names, such as names of channels, to a count, or to a dict with the count
-    ``rows``. `text` is the format of a text, with the name as {0} and the count or dict as {1}.
+    `text` is the format of a text, with the name as {0} and the count as {1}.
     """
-    counts = {n: each["rows"] if isinstance(each, dict) else each for n, each in by_name.items()}
-    return [text.format(name, by_name[name]) for name, count in counts.items() if count]
+    return [text.format(name, count) for name, count in counts.items() if count]
 
 
 def _dropped_rows(e):
-    """Return the numbers of lost rows in words if too many are lost, else False."""
+    """Return the numbers of lost rows in words if too many are lost."""
     missing = {n: c for n, c in e.counts.missing_values.items() if n != TEMPERATURE}
     parts = {
         f"with missing or impossible values ({', '.join(listed(missing))})": e.counts.non_finite,
@@ -128,7 +97,7 @@ def _lost_text(e):
 
 
 def _rate(e):
-    """Return words on the unit of time stamps if no IMU has the log's rate, or a false value."""
+    """Return words on the unit of the time stamps if no IMU has the log's rate."""
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
     return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
@@ -136,10 +105,17 @@ def _rate(e):
 def _units(e):
     """Return which units of the time stamps would make the rate a usual one, in words, or a dot."""
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
-    high = plausible.MOST_RATE
-    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= high]
+    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= MOST_RATE]
     words = f": the stamps look like {' or '.join(fits)}; declare units.time: {(*fits, '')[0]}"
     return words if fits and e.counts.time_unit not in fits else "."
+
+
+def _milliseconds(e):
+    """Return whether time stamps of no declared unit, taken as seconds, give too low a rate."""
+    is_stated = "time" in {**e.declared.units, **e.log.units} or e.counts.start_ns
+    least = e.declared.rate / 500 if e.declared.rate else LEAST_RATE
+    in_seconds = e.counts.time_unit == "s" and not is_stated
+    return in_seconds and (e.figures["rate_hz"] or np.inf) < least
 
 
 def _failed_reads(e):
@@ -149,13 +125,18 @@ def _failed_reads(e):
     return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
+def _wraps(e, least):
+    """Return a text for each channel that wraps around, if one does so at least `least` times."""
+    wraps = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
+    return max(wraps.values(), default=0) >= least and listed(wraps, "{} {} times")
+
+
 def _motion(e):
-    """Return the figures of rests, with angles in degrees, if a static session moves, or false."""
+    """Return the figures of rests, with angles in degrees, if a static session moves."""
     rests = e.faults["rests"]
     if not rests or e.kind != "static":
         return None
-    # a step of the force without a turn is a fault of the sensor
-    tilts = rests["turned"] > max(MOST_TILT, 2 * rests["jump_m_s2"] / rests["force"][1])
+    tilts = rests["turned"] > MOST_TILT
     restless = rests["share"] < LEAST_REST or (rests["change_share"] or 0) > MOST_CHANGE_SHARE
     degrees = {f"{name}_deg": rests[name] / DEGREE for name in ("turned", "change")}
     return (tilts or (restless and rests["change"] > MOST_CHANGE)) and rests | degrees
@@ -169,28 +150,24 @@ def _temperature(e):
 
 def _saturated(e):
     """Return a text with the number of saturated rows for each channel that has any, a list."""
-    rows = {name: found["rows"] for name, found in e.faults["clipped_at"].items()}
+    rows = {name: ends["rows"] for name, ends in e.faults["clipped_at"].items()}
     return listed({name: n or rows.get(name, 0) for name, n in e.figures["clipped"].items()})
 
 
-def _held(e):
-    """Return a text for each sensor that holds a value for more than one row, a list."""
-    return [f"{s} for {n:.3g} rows" for s, n in e.faults["rows_a_value"].items() if n > 1]
-
-
-def _wraps(e, least):
-    """Return a text for each channel that wraps around, if one does so at least `least` times."""
-    found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
-    return max(found.values(), default=0) >= least and listed(found, "{} {} times")
+def _axes(e):
+    """Return a mapping of the axes, in words, that fits better than the axes as logged."""
+    axes = e.faults["axes"]
+    # a log in which one axis is given twice fits no mapping of the axes
+    return axes and not e.faults["copies"] and axes["mapping"] and mapping_words(axes["mapping"])
 
 
 _WRAP = "an integer that wraps around from one end of its range to the other: {}"
 _WIDEN = "widen it in the logger, or choose a wider full scale"
 _LOST = f"at most {MOST_DROPPED:.0%} may be lost"
-_STILL = "a static session lies still: declare another kind, or crop it with time_range"
 
 CHECKS = [
     # the log cannot be read
+    Check("reading", UNREADABLE, lambda e: e.counts.reasons, "{}"),
     Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
     Check("gravity as rate", UNREADABLE, lambda e: e.counts.is_gravity,
           "the columns of the angular rate hold gravity: vectors of constant length along the "
@@ -198,13 +175,12 @@ CHECKS = [
     Check("two units", UNREADABLE, lambda e: e.counts.in_two_units,
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
+    Check("no rows", UNREADABLE, lambda e: not e.inside and f"{e.counts.read}",
+          "the log has {} rows, and none of them lies in the time range"),
     Check("rate", UNREADABLE, _rate, "no IMU has a rate of {rate_hz:.3g} Hz{}"),
     Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
           "those between: failed reads", "look at the bus, the driver and the read rate"),
     # the log cannot be used
-    Check("time range", UNUSABLE, lambda e: not e.inside and e.counts.read,
-          "none of the log's {} rows lies in the time range", about="rows length"),
-    Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
     Check("dropped rows", UNUSABLE, _dropped_rows, "{}", _LOST, "rows"),
     Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are in lines that are "
           "no row", _LOST, "rows"),
@@ -218,39 +194,46 @@ CHECKS = [
     Check("unresolved change", UNUSABLE, lambda e: [n for n in CHANNELS if 0 <
           np.ptp(e.figures["range"][n] or 0.0) < LEAST_CHANGE], "{}: changing by less in the whole "
           "log than any sensor resolves", "see units.acceleration and units.angular_rate"),
-    # contradictions to the declaration: these checks need the faults and gravity
+    # contradictions to the declaration
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
-          "overflow force rate rest"),
-    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
-          "overflow jump"),
+          "overflow force rate"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN, "overflow"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
           "force rate"),
-    Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
-          "changes by {jump_m_s2:.3g} m/s^2 without a turn: its scale or bias changed, or logs "
-          "were joined", "crop it with time_range", "force jump"),
     Check("unit of force", MISDECLARED, lambda e: plausible.cause(e, "acceleration"), "{}",
           about="force"),
-    Check("size of force", DOUBTFUL, plausible.size_of_force,
-          "{}see units.acceleration and nominal.acceleration", about="force"),
+    Check("size of force", DOUBTFUL, plausible.size_of_force, "{}: has gravity been removed, or "
+          "does the log hold increments per sample? If not, see units.acceleration and "
+          "nominal.acceleration", about="force"),
+    Check("scale of force", DOUBTFUL, plausible.changed_force, "the specific force at rest goes "
+          "from {low:.4g} to {high:.4g} m/s^2: its scale changed, or logs were joined",
+          "crop it with time_range", "force"),
     Check("unit of rate", MISDECLARED, lambda e: plausible.cause(e, "angular_rate"), "{}",
           "or the log's rate is off by as much", "rate"),
-    Check("size of rate", DOUBTFUL, lambda e: e.figures["mean_angular_rate"] > MOST_MEAN_RATE,
+    Check("size of rate", DOUBTFUL, lambda e: e.figures["rows"] and
+          e.figures["mean_angular_rate"] > MOST_MEAN_RATE,
           "the mean angular rate is {mean_angular_rate:.4g} rad/s, too much for a turn by hand",
           "see units.angular_rate", "rate"),
-    Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}", "see units.angular_rate and "
-          "nominal.angular_rate; or the log's rate is off by as much", "rate"),
-    Check("motion", MISDECLARED, _motion,
-          "the device rests for {share:.0%} of the time, its mean angular rate changes by "
-          "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
-          "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
+    Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}: its scale is off by as much",
+          "see units.angular_rate and nominal.angular_rate; or the log's rate is off by as much",
+          "rate"),
+    Check("motion", MISDECLARED, _motion, "the device rests for {share:.0%} of the time, its mean "
+          "angular rate changes by {change_deg:.2g} deg/s from half a second to the next, and "
+          "gravity turns by up to {turned_deg:.0f}° in its axes", "a static session lies still: "
+          "declare another kind, or crop it with time_range", "rest"),
+    Check("milliseconds", MISDECLARED, _milliseconds, "the stamps look like milliseconds, as "
+          "seconds give {rate_hz:.3g} Hz", "declare units.time: ms, or s if they are"),
     # faults that a user should look at
+    Check("one sensor", WARNING, lambda e: e.absent and {"pair": PAIR, "absent": e.absent},
+          "the log holds no {absent}: what needs it is not testable",
+          "give both files where another holds it, {pair}"),
     Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n in CHANNELS],
           "never changing: {}"),
     Check("gaps", WARNING, lambda e: e.figures["gaps"]["count"] and
           plural(e.figures["gaps"]["count"], "gap"), "{}, {gaps[total_s]:.4g} s together"),
-    Check("declared rate", WARNING, lambda e: e.rate and e.figures["rate_hz"] and
-          abs(e.figures["rate_hz"] / e.rate - 1) > 0.02 and f"{e.rate:g}",
+    Check("declared rate", WARNING, lambda e: e.declared.rate and e.figures["rate_hz"] and
+          abs(e.figures["rate_hz"] / e.declared.rate - 1) > 0.02 and f"{e.declared.rate:g}",
           "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
     Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
           "each lost line shortens a log without stamps by one step"),
@@ -265,8 +248,9 @@ CHECKS = [
           "{} temperatures are missing"),
     Check("zeros", WARNING, lambda e: listed(e.faults["zero_rows"], "{} in {} rows"),
           "exactly zero on all axes: {}", "padding or failed reads: take them out of the log"),
-    Check("stuck values", WARNING, lambda e: listed(e.faults["stuck"], "{0} {1[rows]} samples, "
-          "first at {1[first_s]:.6g} s"), "stuck at one value: {}", "look at the cable and driver"),
+    Check("stuck values", WARNING, lambda e: [f"{n} {stuck['rows']} samples, first at "
+          f"{stuck['spans_s'][0][0]:.6g} s" for n, stuck in e.faults["stuck"].items()
+          if stuck["rows"]], "stuck at one value: {}", "look at the cable and driver"),
     Check("silence", WARNING, lambda e: e.faults["silent_at_rest"], "no noise at rest: {}",
           "a step too coarse, or firmware that holds the value: no noise or bias can be known"),
     Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
@@ -274,15 +258,15 @@ CHECKS = [
     Check("saturation", WARNING, _saturated, "samples at the end of the range: {}", "rests, turns "
           "and moves with them are left out: choose a wider range or turn more slowly, and declare "
           "full_scale"),
-    Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
+    Check("held values", WARNING, lambda e: [f"{sensor} for {n:.3g} rows" for sensor, n in
+          e.faults["rows_a_value"].items() if n > 1], "a value is held: {}",
+          "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
           "{}: see columns.acceleration and columns.angular_rate"),
-    Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
-          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
+    Check("temperature", WARNING, _temperature, "temperature from {temperature_range[0]:.5g} to "
+          "{temperature_range[1]:.5g} degC: counts, failed reads, or in K",
           "see units.temperature"),
-    # a log in which one axis is given twice fits no mapping of the axes
-    Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
-          mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
+    Check("axes", WARNING, _axes, "the angular rate fits the turns of gravity "
           "with {}; gravity does not tell which sensor is at fault", "columns.acceleration and "
           "columns.angular_rate put axes in order, and -NAME turns a sign"),
 ]  # fmt: skip
@@ -293,20 +277,18 @@ CHECKS = [
 def findings(evidence):
     """Return the lines of the checks that find something, {severity: list of str}.
 
-    An `UNREADABLE` log has a single finding. Checks of the declaration are left out if gravity or
-    the faults of the samples are not known.
+    An `UNREADABLE` log has a single finding.
     """
-    found, done = {severity: [] for severity in SEVERITIES}, set()
-    unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)
+    lines, done = {severity: [] for severity in SEVERITIES}, set()
     for check in CHECKS:
         about = {*check.about.split()}
-        if check.severity in unknown or done & about or not (facts := check.measure(evidence)):
+        if done & about or not (facts := check.measure(evidence)):
             continue
         done |= about
         named = facts if isinstance(facts, dict) else {}
         fact = ", ".join(facts) if isinstance(facts, list) else facts
         text = "; ".join(filter(None, (check.message, check.remedy)))
-        found[check.severity].append(text.format(fact, **evidence.figures | named))
+        lines[check.severity].append(text.format(fact, **evidence.figures | named))
         if check.severity == UNREADABLE:
             break
-    return found
+    return lines

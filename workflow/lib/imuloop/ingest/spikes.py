@@ -1,10 +1,14 @@
 """Spikes: single samples that no motion of the device makes.
 
 A rotation is smooth, and a knock has several samples or shows on several axes. So a sample is a
-spike if it is far from its neighbours, these agree with each other, and no other channel moves.
+spike if it is far from its neighbours, these agree with each other, and no other channel moves. If
+other channels move, it is a spike of a wire or a bus only if it is three times as far away.
 """
 
 import numpy as np
+
+from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TIME
+from imuloop.ingest.channel import new_rows, quantisation_step
 
 # number of samples on each side for the fit of a cubic, and number on each side that show the noise
 NEAR, REACH = 4, 16
@@ -15,11 +19,6 @@ OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
 # this share of the spike's own multiple: 6 happens by chance now and then. Among 169 knocks of a
 # single sample in 3.3 million measured rows each moves another channel by 7 or more
 MOVES, MOVES_SHARE = 6.0, 0.01
-# a spike on several channels jumps by more than this multiple of the jumps near it; a knock reaches
-# 17
-FAR_JUMP = 20.0
-# number of rows that are searched at once
-_PART = 1 << 14
 # number of searches: the larger of two spikes near to each other hides the smaller one until it is
 # replaced
 PASSES = 3
@@ -29,7 +28,7 @@ _POWERS = np.vander(_BESIDE, 4, increasing=True).astype(float)
 # matrices from the neighbours to their cubic's value at the sample and their distances from it
 _LEVEL = np.linalg.pinv(_POWERS)[0]
 _AWAY = np.eye(2 * NEAR) - _POWERS @ np.linalg.pinv(_POWERS)
-# the first and the last samples, which have too few neighbours, are not judged
+# the first and the last samples, which have too few neighbours, are not looked at
 _EDGE = REACH + 2
 _WITHIN = np.arange(-_EDGE, _EDGE + 1)
 # indices of the distances that show the noise, as they do not depend on the sample itself, and of
@@ -37,68 +36,112 @@ _WITHIN = np.arange(-_EDGE, _EDGE + 1)
 _AROUND, _NEXT = np.r_[: REACH - 2, REACH + 3 : 2 * REACH + 1], np.r_[REACH - 1 : REACH + 2]
 
 
-def isolated(x, steps):
-    """Return the rows and the channel numbers of k spikes on a single channel, (2, k) of int.
+# values of a damaged file can be of any size
+@np.errstate(all="ignore")
+def without_spikes(samples):
+    """Return samples without the rows of spikes on a single channel, and the numbers of spikes.
 
-    A sample v is a spike if no other channel moves, and
+    A spike of a slower sensor counts in all rows that hold it.
+
+    Parameters
+    ----------
+    samples : dict of str to array
+        Columns of shape (n,) by name.
+
+    Returns
+    -------
+    samples : dict of str to array
+        Columns of shape (m,) by name, of which m <= n rows are left.
+    single, shared : dict of str to int
+        Numbers of spikes by channel: spikes on a single channel, whose rows are left out, and
+        spikes on several channels, whose rows stay.
+    """
+    count, groups = len(samples[TIME]), [CHANNELS]
+    if {*OWN_TIME.values()} & {*samples}:
+        # rows of the two sensors cannot be compared
+        groups = SENSORS.values()
+    keep, single, shared = np.ones(count, dtype=bool), {}, {}
+    for names in groups:
+        first = np.arange(count)[new_rows(samples, names)]
+        lengths, is_spike = np.diff(first, append=count), np.zeros(len(first), dtype=bool)
+        x = [samples[name][new_rows(samples, names)] for name in names]
+        spikes = find_spikes(x, [*map(quantisation_step, x)])
+        for numbers, (channels, rows) in zip((single, shared), spikes, strict=True):
+            totals = np.bincount(channels, lengths[rows], len(names)).astype(int).tolist()
+            numbers |= dict(zip(names, totals, strict=True))
+        is_spike[spikes[0][1]] = True
+        keep &= ~np.repeat(is_spike, lengths)
+    if not keep.all():
+        samples = {name: x[keep] for name, x in samples.items()}
+    return samples, single, shared
+
+
+def find_spikes(x, steps):
+    """Return the spikes on a single channel, (2, k) of int, and those on several, (2, l) of int.
+
+    Both have the numbers of the channels and of the rows.
+
+    A sample v is far off if
 
         |v - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
 
     c is the value of the cubic through NEAR samples on each side, and d the largest distance of
     these from the cubic. s is the standard deviation of the noise: the median distance, within
     REACH, of samples from the cubic through two samples on each side, over 0.6745. q is the
-    quantisation step.
+    quantisation step. If other channels move, the sample has to be off by 3 OF_NEIGHBOURS d.
 
     Parameters
     ----------
-    x : array_like, shape (m, n)
-        Samples of m channels.
+    x : list of array
+        Samples of m channels, (n,) each.
     steps : array_like, shape (m,)
         Quantisation steps of the channels, 0 if a step is not known.
     """
-    x, steps, found = list(x), np.asarray(steps), []
+    x, steps, spikes = [*x], np.array(steps, dtype=float), [np.empty((2, 0), dtype=int)]
+    shared = spikes[0]
     for _ in range(PASSES if len(x[0]) > 2 * _EDGE else 0):
-        judged = []
-        for k, (values, step) in enumerate(zip(x, steps, strict=True)):
-            at = _candidates(values, step)
-            near = values[at[:, None] + _BESIDE]
-            far = np.abs(values[at] - near @ _LEVEL)
-            out = far > OF_NEIGHBOURS * np.abs(near @ _AWAY).max(axis=1)
-            judged.append((at[out], np.full(out.sum(), k), near[out] @ _LEVEL, far[out]))
-        at, k, level, far = map(np.concatenate, zip(*judged, strict=True))
-        around = _distance(np.array([values[at[:, None] + _WITHIN] for values in x]))
+        candidates = [_candidates(values, step) for values, step in zip(x, steps, strict=True)]
+        channels = np.repeat(np.arange(len(x)), [candidate.shape[1] for candidate in candidates])
+        rows, level, far, factor = np.concatenate(candidates, axis=1)
+        rows = rows.astype(int)
+        around = _distance(np.array([values[rows[:, None] + _WITHIN] for values in x]))
         # the median of |e| is 0.6745 of the standard deviation of a normal e
         noise = np.maximum(np.median(around[..., _AROUND], axis=2) / 0.6745, steps[:, None])
-        spike = k, np.arange(len(k))
+        spike = channels, np.arange(len(rows))
         multiple = far / noise[spike]
         moves = around[..., _NEXT].max(axis=2) > np.maximum(MOVES, MOVES_SHARE * multiple) * noise
         moves[spike] = False
-        alone = (multiple > OF_NOISE) & ~moves.any(axis=0)
-        found += zip(at[alone], k[alone], strict=True)
-        if not alone.any():
+        off, moves = multiple > OF_NOISE, moves.any(axis=0)
+        single, far_off = off & ~moves, off & moves & (factor > 3 * OF_NEIGHBOURS)
+        spikes.append(np.array([channels[single], rows[single]]))
+        shared = np.array([channels[far_off], rows[far_off]])
+        if not single.any():
             break
-        for j in set(k[alone]):
-            x[j] = x[j].copy()
-            x[j][at[alone & (k == j)]] = level[alone & (k == j)]
-    return np.array(sorted(found, key=lambda each: each[::-1]), dtype=int).reshape(-1, 2).T
+        for k in {*channels[single]}:
+            x[k], here = x[k].copy(), single & (channels == k)
+            x[k][rows[here]] = level[here]
+    return np.concatenate(spikes, axis=1), shared
 
 
 def _candidates(x, step):
-    """Return the rows of a channel x, (n,), that are farther from their cubic than rows near by.
+    """Return samples of a channel x, (n,), that are far from the cubic through their neighbours.
 
-    Such a row is farther than twice the distances three and five rows away, and than `OF_NOISE`
-    times the quantisation `step`. Most samples are not.
+    Such a sample is farther from the cubic through two samples on each side than twice the
+    distances three and five rows away, and than `OF_NOISE` times the quantisation `step`; most
+    samples are not. The result, (4, k), has the rows, the values of the cubic through NEAR samples
+    on each side, the distances from these, and the distances as multiples of a neighbour's.
     """
-    found = []
-    # the arrays of a part stay in the processor's cache
-    for first in range(0, len(x) - 2 * _EDGE, _PART):
-        distance = _distance(x[first : first + _PART + 2 * _EDGE])
-        inner = distance[REACH:-REACH]
-        candidate, twice = inner > OF_NOISE * step, 2 * distance
-        for d in (-5, -3, 3, 5):
-            candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
-        found.append(np.flatnonzero(candidate) + first + _EDGE)
-    return np.concatenate(found)
+    distance = _distance(x)
+    inner, twice = distance[REACH:-REACH], 2 * distance
+    candidate = inner > OF_NOISE * step
+    for d in (-5, -3, 3, 5):
+        candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
+    rows = np.flatnonzero(candidate) + _EDGE
+    near = x[rows[:, None] + _BESIDE]
+    level = near @ _LEVEL
+    far = np.abs(x[rows] - level)
+    factor = far / np.abs(near @ _AWAY).max(axis=1)
+    return np.array([rows, level, far, factor])[:, factor > OF_NEIGHBOURS]
 
 
 def _distance(x):
@@ -108,18 +151,3 @@ def _distance(x):
     """
     sums = 4 * (x[..., 1:-3] + x[..., 3:-1]) - x[..., :-4] - x[..., 4:]
     return np.abs(x[..., 2:-2] - sums / 6)
-
-
-def count_jumps(x, step, size):
-    """Return the number of samples of a channel, (n,), that jump far away and back again.
-
-    Both jumps exceed `FAR_JUMP` times the quantisation `step` and all jumps within half of REACH.
-    `size` are the sizes of the jumps from sample to sample, (n - 1,).
-    """
-    up, reach = x[1:] > x[:-1], REACH // 2
-    far = size > FAR_JUMP * max(step, np.median(size[::REACH])) if len(x) > REACH else size < 0
-    at = np.flatnonzero(far[1:] & far[:-1] & (up[1:] != up[:-1])) + 1
-    at = at[(at > reach) & (at < len(x) - reach - 1)]
-    near = np.r_[-reach - 1 : -1, 1 : reach + 1]
-    jump = np.minimum(size[at - 1], size[at])
-    return int(np.count_nonzero(jump > FAR_JUMP * size[at[:, None] + near].max(axis=1, initial=0)))
