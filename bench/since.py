@@ -132,8 +132,8 @@ def main():
 
 def figures(took):
     """Return median processor seconds of both, their ratio and its spread, ratio of wall time."""
-    walls, seconds = zip(*(zip(*each, strict=True) for each in took), strict=True)
-    before, now = (median(each) for each in zip(*seconds, strict=True))
+    walls, seconds = zip(*(zip(*pair, strict=True) for pair in took), strict=True)
+    before, now = (median(pair) for pair in zip(*seconds, strict=True))
     ratios = [b / a for a, b in seconds]
     wall = median(b for _, b in walls) / median(a for a, _ in walls)
     spread = f"{min(ratios):.2f}–{max(ratios):.2f}"

@@ -40,8 +40,8 @@ def commit():
     """Return the short hash of the code's commit, and whether the code was changed since."""
 
     def git(*words):
-        made = subprocess.run(["git", *words], capture_output=True, text=True, cwd=REPOSITORY)
-        return made.stdout.strip()
+        run = subprocess.run(["git", *words], capture_output=True, text=True, cwd=REPOSITORY)
+        return run.stdout.strip()
 
     made_of = git("rev-parse", "--short", "HEAD") or "unknown"
     return f"{made_of}, changed" if git("status", "--porcelain", "-uno") else made_of

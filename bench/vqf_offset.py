@@ -58,8 +58,8 @@ def offset(diagnosis):
 def at_hand(url):
     """Return the file of a trial, from the mirror or its address."""
     name, mirror = url.rpartition("/")[2], os.environ.get("IMULOOP_MIRROR")
-    if found := sorted(Path(mirror).rglob(name)) if mirror else []:
-        return found[0]
+    if files := sorted(Path(mirror).rglob(name)) if mirror else []:
+        return files[0]
     # no hash: the commit in the address says which file it is
     return pooch.retrieve(url, None, name, REPOSITORY / "data/cache/broad")
 
@@ -80,8 +80,8 @@ def before_and_after(trial, dt):
     # the same samples for all, and no gap is bridged
     reach = int(np.ceil(np.abs(shifts).max() / period))
     whole = np.convolve(seen, np.ones(2 * reach + 1), "same") == 2 * reach + 1
-    judged = trial["movement"].ravel().astype(bool) & whole
-    return [inclination(estimated[judged], reference(t[judged] + shift)) for shift in shifts]
+    moving = trial["movement"].ravel().astype(bool) & whole
+    return [inclination(estimated[moving], reference(t[moving] + shift)) for shift in shifts]
 
 
 def inclination(estimated, reference):

@@ -108,7 +108,7 @@ def day(options):
     head = ("", "wall, s", "processor, s", "memory of the largest process, MB")
     counted = f"{len(missed)} of {3 * len(CHANNELS)} intervals miss the truth."
     text = [f"{rows} rows, {options.hours:g} h, CSV of {size:.2f} GB, {options.cores} cores."]
-    text += [table(head, stages), "\n".join([counted, *(f"- {each}" for each in missed)])]
+    text += [table(head, stages), "\n".join([counted, *(f"- {fault}" for fault in missed)])]
     title = f"{options.hours:g} h at rest at {options.rate} Hz"
     publish(f"day_{options.rate}", title, "\n\n".join(text))
     return len(missed) > MISSED
@@ -137,13 +137,13 @@ def generate(path, rate, hours):
 
 def misses(axes):
     """Return the coefficients whose interval does not hold the truth, as text."""
-    found = []
+    faults = []
     for name, truth in TRUTH.items():
         for term, value in truth.items():
             low, high = axes[name][term]["ci95"] or (np.nan, np.nan)
             if not (axes[name][term]["identifiable"] and low <= value <= high):
-                found.append(f"{term} of {name} is {value:.1e}, not in [{low:.3e}, {high:.3e}]")
-    return found
+                faults.append(f"{term} of {name} is {value:.1e}, not in [{low:.3e}, {high:.3e}]")
+    return faults
 
 
 def factory(options):
@@ -163,8 +163,8 @@ def factory(options):
         compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), *first]
         how = {"cwd": folder, "capture_output": True, "text": True}
         faults += subprocess.run(compare, **how).stdout.splitlines()
-    each = ("wall, s", "processor s per device")
-    heads = [f"{n} devices: {figure}" for n in counts for figure in each]
+    figures = ("wall, s", "processor s per device")
+    heads = [f"{n} devices: {figure}" for n in counts for figure in figures]
     end = faults or ["Each run did the jobs it should; results are the same bytes."]
     runs = table(("run", *heads), [(name, *cells) for name, cells in rows.items()])
     publish("factory", "A factory's devices", "\n\n".join([runs, *end]))
@@ -207,9 +207,9 @@ def make_logs(folder, number):
 def time_runs(folder, count, cores, rows):
     """Time the runs of `count` devices into rows by name; return their faults."""
     work, repository, faults = folder / f"run_{count}", folder / f"repository_{count}", []
-    for each in (work, repository):
-        shutil.rmtree(each, ignore_errors=True)
-        each.mkdir()
+    for place in (work, repository):
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir()
     for name in ("workflow", "scripts", "profiles", "data/replicas"):
         shutil.copytree(REPOSITORY / name, repository / name)
     shutil.copy(REPOSITORY / "Snakefile", repository)
@@ -256,8 +256,8 @@ def write_config(work, count, longest_rotation=30):
     devices = {}
     for i in range(count):
         files = {k: {"kind": k, "file": f"../data/{device(i)}_{k}.csv"} for k in KINDS}
-        own = {"calibrate": {"longest_rotation": 30}} if i % FOLLOWS else {}
-        devices[device(i)] = {"sessions": files, **own}
+        settings = {"calibrate": {"longest_rotation": 30}} if i % FOLLOWS else {}
+        devices[device(i)] = {"sessions": files, **settings}
     config = {"defaults": {"calibrate": {"longest_rotation": longest_rotation}}, "devices": devices}
     (work / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 

@@ -35,22 +35,26 @@ def entry(heading, thing, name):
 def methods(of):
     """Return the public methods and properties of a class that have a docstring, by name."""
     named = ((n, inspect.getattr_static(of, n)) for n in vars(of) if not n.startswith("_"))
-    found = ((n, getattr(of, n) if isinstance(m, classmethod) else m) for n, m in named)
-    return {n: m for n, m in found if inspect.isroutine(m) or hasattr(m, "__get__")}
+    attributes = ((n, getattr(of, n) if isinstance(m, classmethod) else m) for n, m in named)
+    return {n: m for n, m in attributes if inspect.isroutine(m) or hasattr(m, "__get__")}
 
 
 def modules():
     """Return each module of the library, by name."""
     walked = pkgutil.walk_packages(imuloop.__path__, "imuloop.")
-    return {each.name: import_module(each.name) for each in walked if "__main__" not in each.name}
+    return {
+        module.name: import_module(module.name)
+        for module in walked
+        if "__main__" not in module.name
+    }
 
 
 def defined(module):
     """Return the public functions and classes that a module defines, by name."""
     public = ((n, o) for n, o in vars(module).items() if not n.startswith("_"))
     kinds = (inspect.isfunction, inspect.isclass)
-    own = ((n, o) for n, o in public if any(kind(o) for kind in kinds) and o.__name__ == n)
-    return {n: o for n, o in own if o.__module__ == module.__name__}
+    objects = ((n, o) for n, o in public if any(kind(o) for kind in kinds) and o.__name__ == n)
+    return {n: o for n, o in objects if o.__module__ == module.__name__}
 
 
 def first_line(thing):

@@ -22,16 +22,16 @@ def pins(text):
 def licence(name):
     """Return the licence that a distribution states, in a few words."""
     try:
-        found = distribution(name)
+        package = distribution(name)
     except PackageNotFoundError:
         return NOT_INSTALLED
-    if expression := found.metadata.get("License-Expression"):
+    if expression := package.metadata.get("License-Expression"):
         return expression
-    classifiers = found.metadata.get_all("Classifier") or []
+    classifiers = package.metadata.get_all("Classifier") or []
     if named := [c.rpartition(" :: ")[2] for c in classifiers if c.startswith("License :: ")]:
         return ", ".join(name.removesuffix(" License") for name in named)
-    files = [f for f in found.files or () if re.match("licen[cs]e|copying", f.name, re.I)]
-    texts = [found.metadata.get("License") or "", *(f.read_text() for f in files)]
+    files = [f for f in package.files or () if re.match("licen[cs]e|copying", f.name, re.I)]
+    texts = [package.metadata.get("License") or "", *(f.read_text() for f in files)]
     lines = [line.strip() for text in texts for line in text.strip().splitlines()[:1]]
     stated = [line for line in lines if re.match(r"[A-Za-z]", line) and len(line) < 60]
     return next(iter(stated), NOT_STATED).removesuffix(" License")
@@ -43,11 +43,11 @@ def licences():
     return {name: licence(name) for name in sorted(names)}
 
 
-def table(found):
+def table(licences):
     """Return the page: one line per licence."""
     lines = [
-        f"| {stated} | {', '.join(name for name in found if found[name] == stated)} |\n"
-        for stated in sorted(set(found.values()))
+        f"| {stated} | {', '.join(name for name in licences if licences[name] == stated)} |\n"
+        for stated in sorted(set(licences.values()))
     ]
     return HEAD + "".join(lines)
 

@@ -25,12 +25,14 @@ A key with – is needed. Limits: `workflow/schemas/config.schema.yaml`.
 
 def schema():
     """Return the JSON schema of a config as text, YAML."""
-    made = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    made |= _plain(config_model.Config.model_json_schema())
-    for name, model in [(None, made), *made["$defs"].items()]:
+    content = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    content |= _plain(config_model.Config.model_json_schema())
+    for name, model in [(None, content), *content["$defs"].items()]:
         _describe(model, MODELS[name or "Config"])
     options = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None, "width": 100}
-    return f"# made by `make settings` from imuloop.config_model\n{yaml.safe_dump(made, **options)}"
+    return (
+        f"# made by `make settings` from imuloop.config_model\n{yaml.safe_dump(content, **options)}"
+    )
 
 
 def _describe(schema, model):
@@ -48,13 +50,13 @@ def _describe(schema, model):
 def _plain(node):
     """Return a schema without titles, which are the keys again, and without defaults of None."""
     if isinstance(node, list):
-        return [_plain(each) for each in node]
+        return [_plain(item) for item in node]
     if not isinstance(node, dict):
         return node
     plain = {}
     for key, value in node.items():
         if key in ("properties", "$defs"):
-            plain[key] = {name: _plain(each) for name, each in value.items()}
+            plain[key] = {name: _plain(item) for name, item in value.items()}
         elif key != "title" and (key, value) != ("default", None):
             plain[key] = _plain(value)
     if "patternProperties" in plain:
@@ -64,13 +66,13 @@ def _plain(node):
 
 def table(text):
     """Return the page of all keys, from the schema as text."""
-    made = yaml.safe_load(text)
-    defined = made["$defs"]
+    content = yaml.safe_load(text)
+    defined = content["$defs"]
     device = {
-        key: each for key, each in defined["Device"]["properties"].items() if key not in SHARED
+        key: value for key, value in defined["Device"]["properties"].items() if key not in SHARED
     }
     parts = {
-        "The config": made,
+        "The config": content,
         "`devices.NAME`": defined["Device"] | {"properties": device},
         "`devices.NAME.sessions.NAME`": defined["Session"],
     }
@@ -82,20 +84,20 @@ def table(text):
     return "\n".join(lines)
 
 
-def _rows(node, defined, given, prefix=""):
+def _rows(node, defined, shown, prefix=""):
     """Yield the lines of a model's keys and of those below them, each model's once."""
     for key, value in node["properties"].items():
         models = [value, *value.get("oneOf", ()), value.get("items", {})]
-        models = [each["$ref"].rpartition("/")[2] for each in models if "$ref" in each]
+        models = [option["$ref"].rpartition("/")[2] for option in models if "$ref" in option]
         meaning = value.get("description") or defined[models[0]]["description"].removesuffix(".")
         if "enum" in value:
-            meaning += f": {', '.join(f'`{each}`' for each in value['enum'])}"
+            meaning += f": {', '.join(f'`{option}`' for option in value['enum'])}"
         default = "–" if key in node.get("required", ()) else _shown(value.get("default", ""))
         yield f"|`{prefix}{key}`|{default}|{meaning}|"
         for model in models:
-            if model not in given and not model.endswith("Settings"):
-                given.add(model)
-                yield from _rows(defined[model], defined, given, f"{prefix}{key}.")
+            if model not in shown and not model.endswith("Settings"):
+                shown.add(model)
+                yield from _rows(defined[model], defined, shown, f"{prefix}{key}.")
 
 
 def _shown(value):

@@ -111,14 +111,13 @@ def test_report_keeps_nothing_where_its_log_lies(log, tmp_path, capsys, place, w
     refusal_line(["report", log, "-o", tmp_path / "r.html", "--keep", keep], tmp_path, capsys)
 
 
-@pytest.mark.parametrize("name", ["figures", "exports"])
-def test_report_empties_no_folder_of_others(log, tmp_path, capsys, name):
-    other = tmp_path / "keep" / name / "mine.csv"
+def test_results_leave_other_files_of_their_folder(tmp_path):
+    brief().to_csv(tmp_path / "rest.csv", index=False)
+    other = tmp_path / "out/exports/mine.csv"
     other.parent.mkdir(parents=True)
     other.write_text("mine")
-    command = ["report", log, "-o", tmp_path / "r.html", "--keep", tmp_path / "keep"]
-    assert f"{name} would be emptied" in one_line_error(command, capsys)
-    assert other.read_text() == "mine"
+    assert main(["calibrate", str(tmp_path / "rest.csv"), "-o", str(tmp_path / "out")]) == 0
+    assert other.read_text() == "mine" and other.with_name("kalibr_imu.yaml").is_file()
 
 
 def test_what_a_terminal_would_obey_is_not_printed(tmp_path, capsys):
@@ -296,7 +295,7 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(command) == 0
     shown = capsys.readouterr().err
-    assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
+    assert "ingest multi_position_1" in shown and " 0 of 5 steps done" in shown
     assert shown.index("segment: ") < shown.index("diagnose: ")
     assert (tmp_path / "out/multi_position_1/allan.parquet").is_file()
 
@@ -312,6 +311,7 @@ RANGES = " --sensor icm42688p --range.acceleration 16g --range.angular_rate 2000
         ("--set columns.time=tick columns.acceleration=[fx,ay,az] units.time=ms", LONG),
         ("--columns time=tick acceleration=fx,ay,az --time-unit ms", LONG),
         ('--set=columns.time=tick --columns=acceleration=fx,ay,az --set units={"time":"ms"}', LONG),
+        (f"{LONG} --rate null", LONG),
         (f"{LONG} --range=16g,2000deg/s --sensor icm42688p", LONG + RANGES),
         (f"{LONG} --counts acceleration=0.01", LONG + COUNTS),
         (f"{LONG} --counts acceleration=0.01,5", f"{LONG}{COUNTS} --nominal.acceleration.offset 5"),

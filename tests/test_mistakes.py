@@ -65,7 +65,7 @@ def test_what_has_no_allan_deviation(given):
 
 
 def test_what_is_read_and_applied_by_mistake(log):
-    with pytest.raises(ImuloopError, match="'unit' cannot be declared of a log; did you mean 'u"):
+    with pytest.raises(ImuloopError, match="unit: unknown key; did you mean 'units'"):
         imuloop.read(log, unit={"acceleration": "g"})
     nominal = imuloop.model.sensor_calibration.SensorCalibration.nominal
     raw = imuloop.core.units.RawUnit

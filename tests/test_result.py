@@ -110,16 +110,6 @@ def test_a_report_leads_to_the_files_that_are_kept(result, log, tmp_path, monkey
     assert shlex.split(unescape(command)) == ["apply", str(kept / "calibration.json")]
 
 
-def test_a_figure_is_drawn_on_axes_as_in_the_report(result):
-    (theirs,) = result.plot.allan("gyroscope")
-    areas = Figure().subplots(1, 3)
-    imuloop.plot.draw(list(areas), result, "multi_position_1_allan_gyroscope")
-    for mine, other in zip(areas, theirs.axes[:3], strict=True):
-        assert len(mine.lines) == len(other.lines) > 1
-    with pytest.raises(ImuloopError, match="no figure has this name; there are loop, poses"):
-        imuloop.plot.draw(areas, result, "allan")
-
-
 def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
     calibration = result.calibration
     for shown in (calibration, calibration.gyroscope, result):

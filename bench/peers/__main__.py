@@ -49,30 +49,32 @@ def noise(hours, seeds, environment):
         took, errors, failed = {}, {}, {}
         for seed in seeds:
             truth, axes = still_log([seed, behind_filter], n, behind_filter)
-            for peer, seconds, made in contend(axes, environment):
+            for peer, seconds, values in contend(axes, environment):
                 if seconds is None:
-                    failed[peer] = made
+                    failed[peer] = values
                 else:
                     took.setdefault(peer, []).append(seconds)
-                    errors.setdefault(peer, []).append(np.abs(made / truth - 1))
+                    errors.setdefault(peer, []).append(np.abs(values / truth - 1))
         which = "behind a low-pass" if behind_filter else "no filter"
         for peer in NOISE:
             if peer in failed:
                 rows.append((peer, which, f"failed: {failed[peer]}", *"–––"))
             else:
-                found = np.concatenate(errors[peer])
-                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, found.T)))
+                deviations = np.concatenate(errors[peer])
+                rows.append(
+                    (peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, deviations.T))
+                )
     size = f"{len(seeds)} × {hours:g} h, {LOG_RATE:g} Hz, six axes"
     return table((size, "log", "processor time, s", "N", "B", "K"), rows)
 
 
 def median_of(errors):
     """Return the median of relative errors, and of how many it is where some are missing."""
-    known = errors[np.isfinite(errors)]
-    if not len(known):
+    finite = errors[np.isfinite(errors)]
+    if not len(finite):
         return "–"
-    part = f" ({len(known)} of {len(errors)})" if len(known) < len(errors) else ""
-    return f"{100 * np.median(known):.2g} %{part}"
+    part = f" ({len(finite)} of {len(errors)})" if len(finite) < len(errors) else ""
+    return f"{100 * np.median(finite):.2g} %{part}"
 
 
 def main():
@@ -82,7 +84,9 @@ def main():
     parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="the peers'")
     parser.add_argument("--devices", default="1,2,3,4,5", help="seeds of poses, with commas")
     options = parser.parse_args()
-    devices, logs = ([int(s) for s in each.split(",")] for each in (options.devices, options.seeds))
+    devices, logs = (
+        [int(s) for s in option.split(",")] for option in (options.devices, options.seeds)
+    )
     text = (
         "Versions come from `bench/requirements.txt`. Freed memory stays with each process, "
         "which favours the peers.",

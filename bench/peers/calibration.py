@@ -25,10 +25,12 @@ def by_imuloop(folder, device, environment, _):
     device.write(folder / "log.csv")
     command = [sys.executable, "-m", "imuloop", "calibrate", folder / "log.csv", "-o", folder / "o"]
     seconds = timed_process(command, os.environ | environment)[1]
-    found, warm = Calibration.from_json(folder / "o/calibration.json"), "temperature"
+    calibration, warm = Calibration.from_json(folder / "o/calibration.json"), "temperature"
 
     def corrected(f, w, t, hot):
-        return found.apply_arrays(f, w, t, hot if warm in device.columns else None, nominal=True)
+        return calibration.apply_arrays(
+            f, w, t, hot if warm in device.columns else None, nominal=True
+        )
 
     return seconds, corrected
 
@@ -59,7 +61,7 @@ def in_true_frame(device, corrected):
     raw, still = device.accelerometer.raw(true), np.zeros(len(true))
     force, _ = corrected(raw, np.zeros_like(true), still, still + device.middle)
     turn = Rotation.align_vectors(true, force)[0]
-    return lambda *given: [turn.apply(x) for x in corrected(*given)]
+    return lambda *samples: [turn.apply(x) for x in corrected(*samples)]
 
 
 CONTENDERS = {"imuloop": by_imuloop, "dedrunk-cli": by_dedrunk}
@@ -67,7 +69,7 @@ CONTENDERS = {"imuloop": by_imuloop, "dedrunk-cli": by_dedrunk}
 
 def calibration(seeds, programs, environment):
     """Return the table of times and errors on devices without effects, one per seed."""
-    found = {name: [] for name in CONTENDERS}
+    outcomes = {name: [] for name in CONTENDERS}
     for seed in seeds:
         device = record(seed, "clean")
         for name, contender in CONTENDERS.items():
@@ -75,7 +77,7 @@ def calibration(seeds, programs, environment):
                 seconds, corrected = contender(Path(folder), device, environment, programs)
             error = errors(device, in_true_frame(device, corrected))
             turn = np.degrees(error["gyroscope"]) * QUARTER
-            found[name].append((seconds, error["accelerometer"] / MG, turn))
-    rows = [(name, *(f"{x:.2g}" for x in np.median(of, axis=0))) for name, of in found.items()]
+            outcomes[name].append((seconds, error["accelerometer"] / MG, turn))
+    rows = [(name, *(f"{x:.2g}" for x in np.median(of, axis=0))) for name, of in outcomes.items()]
     size = f"{len(seeds)} recordings of poses"
     return table((size, "processor time, s", "at rest, mg", "after a quarter turn, degrees"), rows)

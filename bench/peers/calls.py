@@ -47,8 +47,8 @@ def noise_allan_variance(axes):
     """All axes in one call, by its defaults."""
     from allan_variance import compute_avar, estimate_parameters
 
-    found, _ = estimate_parameters(*compute_avar(axes.T, 1 / log.RATE))
-    return found[["white", "flicker", "walk"]]
+    estimates, _ = estimate_parameters(*compute_avar(axes.T, 1 / log.RATE))
+    return estimates[["white", "flicker", "walk"]]
 
 
 def noise_allan_variance_analyzer(axes):
@@ -59,13 +59,13 @@ def noise_allan_variance_analyzer(axes):
     periods = np.arange(0.1, 1000, step=0.1)
     curves = np.sqrt(compute_allan_variances(axes.T, periods, log.RATE, 0))
     until = np.flatnonzero(periods == 10)[0]
-    sensors, found = (curves[:, :3], curves[:, 3:]), np.empty((6, 3))
-    found[:, 0] = np.ravel(
+    sensors, estimates = (curves[:, :3], curves[:, 3:]), np.empty((6, 3))
+    estimates[:, 0] = np.ravel(
         [analysis.compute_white_noise_params(periods, s, until)[0] for s in sensors]
     )
-    found[:, 1], _ = analysis.compute_bias_instability(curves)
-    found[:, 2] = np.ravel([analysis.compute_rate_random_walk(periods, s)[0] for s in sensors])
-    return found
+    estimates[:, 1], _ = analysis.compute_bias_instability(curves)
+    estimates[:, 2] = np.ravel([analysis.compute_rate_random_walk(periods, s)[0] for s in sensors])
+    return estimates
 
 
 def recordings_of(axes, folder):
@@ -78,7 +78,7 @@ def recordings_of(axes, folder):
 
 def noise_dedrunk(files):
     """A process each, with the reading of its file; no B, and no N either where no K shows."""
-    program, found = Path(sys.executable).with_name("dedrunk"), np.full((2, 3, 3), np.nan)
+    program, estimates = Path(sys.executable).with_name("dedrunk"), np.full((2, 3, 3), np.nan)
     for i, file in enumerate(files):
         command = [program, "--yes", "noise", file, "--csv", f"{file}.csv", "-O", f"{file}.yaml"]
         done = subprocess.run(command, capture_output=True, text=True)
@@ -88,8 +88,8 @@ def noise_dedrunk(files):
             raise RuntimeError(done.stderr.strip().splitlines()[-1])
         text = Path(f"{file}.yaml").read_text()
         values = re.findall(r"(?:noise_density|random_walk): (\S+)", text)
-        found[:, i, ::2] = np.reshape(values, (2, 2))
-    return found.reshape(6, 3)
+        estimates[:, i, ::2] = np.reshape(values, (2, 2))
+    return estimates.reshape(6, 3)
 
 
 NOISE = {
@@ -107,7 +107,7 @@ TIMES = {"noise_dedrunk": 3}
 def processor_seconds():
     """Return seconds of processor time of the process and those that it has waited for."""
     of = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(each.ru_utime + each.ru_stime for each in of)
+    return sum(usage.ru_utime + usage.ru_stime for usage in of)
 
 
 def main():
@@ -117,11 +117,11 @@ def main():
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         axes = np.load(folder / "axes.npy")
         short = axes[:, : len(axes[0]) // 10].copy()
-        given = GIVEN.get(name, lambda axes, _: axes)
+        prepare = GIVEN.get(name, lambda axes, _: axes)
         # some refuse a short log
         with contextlib.suppress(Exception):
-            call(given(short, folder))
-        data, before = given(axes, folder), processor_seconds()
+            call(prepare(short, folder))
+        data, before = prepare(axes, folder), processor_seconds()
         values = call(data)
         took = processor_seconds() - before
     np.save(folder / f"{name}.npy", np.asarray(values, dtype=float))

@@ -93,11 +93,11 @@ def write_mcap(path, acceleration, angular_rate, t=None):
     messages = np.zeros(n, MESSAGE)
     since = np.arange(n) / RATE if t is None else t - t[0]
     logged = START * 10**9 + np.rint(since * 1e9).astype(int)
-    given = {"record": 5, "size": MESSAGE.itemsize - 9, "channel": 1, "sequence": np.arange(n)}
-    given |= {"logged": logged, "published": logged, "encoding": 0x100, "frame": b"imu"}
-    given |= {"s": logged // 10**9, "ns": logged % 10**9, "length": 4}
-    given |= {"acceleration": acceleration.T, "rate": angular_rate.T, "orientation": (0, 0, 0, 1)}
-    for name, values in given.items():
+    fields = {"record": 5, "size": MESSAGE.itemsize - 9, "channel": 1, "sequence": np.arange(n)}
+    fields |= {"logged": logged, "published": logged, "encoding": 0x100, "frame": b"imu"}
+    fields |= {"s": logged // 10**9, "ns": logged % 10**9, "length": 4}
+    fields |= {"acceleration": acceleration.T, "rate": angular_rate.T, "orientation": (0, 0, 0, 1)}
+    for name, values in fields.items():
         messages[name] = values
     with open(path, "wb") as file:
         file.write(MAGIC + record(1, text("ros2"), text("")))

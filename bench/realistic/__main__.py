@@ -37,7 +37,7 @@ def summary(devices):
     return "\n\n".join(
         [
             "Error of imuloop over the error of the plain fit; seconds are of one processor.",
-            table(header, [row(case, each) for case, each in groups.items() if each]),
+            table(header, [row(case, group) for case, group in groups.items() if group]),
             f"False alarms: {share(len(alarmed), len(free))}.",
             "\n".join(lines),
             "95 % intervals of effect-free devices that hold the truth.",

@@ -97,8 +97,10 @@ class Recording:
 
     def truth(self):
         """Return the true parameters, as JSON."""
-        known = {name: value for name, value in vars(self).items() if name != "columns"}
-        return json.dumps(known, default=lambda x: x.tolist() if hasattr(x, "tolist") else vars(x))
+        content = {name: value for name, value in vars(self).items() if name != "columns"}
+        return json.dumps(
+            content, default=lambda x: x.tolist() if hasattr(x, "tolist") else vars(x)
+        )
 
 
 def minimum_jerk(x):
@@ -143,24 +145,24 @@ def poses(n, rng, faces=0.0):
     if faces:
         up = np.resize([*np.eye(3), *-np.eye(3)], (n, 3)) + rng.normal(0, faces, (n, 3))
     up = up / np.linalg.norm(up, axis=1)[:, None]
-    made = []
+    attitudes = []
     for one in up if faces else rng.permutation(up):
         level = Rotation.align_vectors([0, 0, 1], one)[0]
         while True:
             turned = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)) * level
-            if not made or (made[-1].inv() * turned).magnitude() > 50 * DEGREE:
+            if not attitudes or (attitudes[-1].inv() * turned).magnitude() > 50 * DEGREE:
                 break
-        made.append(turned)
-    return Rotation.concatenate(made)
+        attitudes.append(turned)
+    return Rotation.concatenate(attitudes)
 
 
 def waves(t, low, high, rng, count=4):
     """Return random waves between two frequencies (Hz), root mean square 1, (n, 3)."""
-    made = np.zeros((len(t), 3))
+    wave = np.zeros((len(t), 3))
     for _ in range(count):
         f, phase = rng.uniform(low, high, 3), rng.uniform(0, 2 * np.pi, 3)
-        made += np.sin(2 * np.pi * f * t[:, None] + phase)
-    return made * np.sqrt(2 / count)
+        wave += np.sin(2 * np.pi * f * t[:, None] + phase)
+    return wave * np.sqrt(2 / count)
 
 
 def move_seconds(angles, parts, rng):
@@ -213,9 +215,9 @@ def move(seed, parts, rate):
         # a hand holds a part of the poses or all; the first time the device lies on a table
         random = stream(seed, "held")
         share = random.choice([0.3, 0.6, 1.0])
-        held = (random.random((count, 1)) < share).astype(float)
-        held[0] = 0
-        small = small + course(held) * hand_tremor(t, seed)
+        by_hand = (random.random((count, 1)) < share).astype(float)
+        by_hand[0] = 0
+        small = small + course(by_hand) * hand_tremor(t, seed)
     attitude = attitudes[pose] * Rotation.from_rotvec(s * turns[pose])
     attitude = attitude * Rotation.from_rotvec(small)
     arm = rng.uniform(0.03, 0.1) * sphere(50)[rng.integers(50)]
@@ -239,9 +241,11 @@ def decaying_tilt(since, seconds, pose, moving, s, seed):
     tilt = rng.uniform(0.05, 0.3, count)[:, None] * DEGREE * rng.permutation(sphere(count))
     # it lay there before the log began
     tilt[0] = 0
-    left = tilt * np.exp(-seconds[::2] / tau)[:, None]
+    remainder = tilt * np.exp(-seconds[::2] / tau)[:, None]
     at_rest = tilt[pose] * np.exp(-since / tau[pose])[:, None]
-    return np.where(moving[:, None], (1 - s) * left[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest)
+    return np.where(
+        moving[:, None], (1 - s) * remainder[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest
+    )
 
 
 def hand_tremor(t, seed):
@@ -266,14 +270,14 @@ def fan_vibration(motion, seed):
 def true_sensors(rng):
     """Return T, K, b of a middle-grade accelerometer and gyroscope."""
     signs = rng.choice([-1, 1], (2, 5, 3))
-    made = []
-    for own, low, high in zip(signs, (0.05, 0.2 * DEGREE), (0.3, 1.0 * DEGREE), strict=True):
+    both = []
+    for sign, low, high in zip(signs, (0.05, 0.2 * DEGREE), (0.3, 1.0 * DEGREE), strict=True):
         T = np.eye(3)
-        T[np.triu_indices(3, 1)] = own[0] * rng.uniform(0.005, 0.02, 3)
-        T[np.tril_indices(3, -1)] = own[1] * rng.uniform(0.005, 0.02, 3)
-        K = 1 + own[2] * rng.uniform(0.01, 0.02, 3)
-        made.append(Sensor(T, K, own[3] * rng.uniform(low, high, 3)))
-    force, turn = made
+        T[np.triu_indices(3, 1)] = sign[0] * rng.uniform(0.005, 0.02, 3)
+        T[np.tril_indices(3, -1)] = sign[1] * rng.uniform(0.005, 0.02, 3)
+        K = 1 + sign[2] * rng.uniform(0.01, 0.02, 3)
+        both.append(Sensor(T, K, sign[3] * rng.uniform(low, high, 3)))
+    force, turn = both
     return Sensor(np.triu(force.T), force.K, force.b), turn
 
 
@@ -286,15 +290,15 @@ def true_noise(rng):
 
 def slow_noise(n, rate, flicker, walk, rng):
     """Return flicker, a Gauss–Markov process per decade, and random walk, (n, 3)."""
-    made = np.cumsum(rng.standard_normal((n, 3)) * walk / np.sqrt(rate), axis=0)
+    noise = np.cumsum(rng.standard_normal((n, 3)) * walk / np.sqrt(rate), axis=0)
     for tau in 0.5 * 10.0 ** np.arange(4):
         keep = np.exp(-1 / rate / tau)
         drive = rng.standard_normal((n, 3)) * np.sqrt(1 - keep**2)
         drive[0] /= np.sqrt(1 - keep**2)
         # S(f) = B²/(π f): a variance of ln 10 B²/π per decade
         size = flicker * np.sqrt(np.log(10) / np.pi)
-        made += size * lfilter([1], [1, -keep], drive, axis=0)
-    return made
+        noise += size * lfilter([1], [1, -keep], drive, axis=0)
+    return noise
 
 
 def temperature(t, parts, seed):
@@ -343,14 +347,14 @@ def record(seed, case="clean", noise=True):
     felt = [motion.force, motion.angular_rate]
     if "fan" in parts:
         felt = np.add(felt, fan_vibration(motion, seed))
-    own = stream(seed, "case")
+    rng_of_case = stream(seed, "case")
     if "lowpass" in parts:
-        corner = min(own.uniform(20, 50), 0.35 * rate)
+        corner = min(rng_of_case.uniform(20, 50), 0.35 * rate)
     b, a = butter(2, corner / (every * rate / 2))
     t = motion.t[::every]
     true, read = temperature(t, parts, seed)
-    slopes, steps, jump = effects(parts, own, t[-1])
-    logged, made, still = [], [], at_rest(t, motion.rests)
+    slopes, steps, jump = effects(parts, rng_of_case, t[-1])
+    logged, truth, still = [], [], at_rest(t, motion.rests)
     for k, (sensor, (white, *others)) in enumerate(zip(sensors, noises, strict=True)):
         random, out = stream(seed, f"noise {k}"), sensor.raw(felt[k])
         if noise:
@@ -361,25 +365,25 @@ def record(seed, case="clean", noise=True):
             out[::every] += slow
             # the mean bias while it rested is the truth
             sensor = Sensor(sensor.T, sensor.K, sensor.b + slow[still].mean(axis=0))
-        made.append(sensor)
+        truth.append(sensor)
         logged.append(out[::every])
     log = {}
     middle = float(true.mean())
     seen = [true[(t >= start) & (t < end)].mean() for start, end in motion.rests]
     extremes = float(min(seen)), float(max(seen))
-    known = Recording(
-        case, parts, seed, rate, *made, motion.rests, log, slopes, steps, jump, middle, extremes
+    recording = Recording(
+        case, parts, seed, rate, *truth, motion.rests, log, slopes, steps, jump, middle, extremes
     )
-    values = np.hstack([out + known.bias(k, t, true) for k, out in enumerate(logged)])
-    values = digitise(values, parts, own)
+    values = np.hstack([out + recording.bias(k, t, true) for k, out in enumerate(logged)])
+    values = digitise(values, parts, rng_of_case)
     log.update(t=arrivals(t, seed) if "usb" in parts else t)
     log.update(zip(CHANNELS, values.T, strict=True))
     log.update({} if read is None else {"temperature": read})
     if "lossy" in parts:
         # each by itself, as a radio loses them
-        kept = own.random(len(t)) < KEPT
+        kept = rng_of_case.random(len(t)) < KEPT
         log.update({name: column[kept] for name, column in log.items()})
-    return known
+    return recording
 
 
 def at_rest(t, rests):

@@ -47,8 +47,8 @@ def fit_accelerometer(means, prior=False):
         return Sensor(T, p[3:6], p[6:])
 
     def residual(p):
-        left = np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
-        return np.append(left / KNOWN, (p - NOMINAL) / SHEET) if prior else left
+        misfit = np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
+        return np.append(misfit / KNOWN, (p - NOMINAL) / SHEET) if prior else misfit
 
     return _solve(residual, NOMINAL, sensor)
 
@@ -70,8 +70,8 @@ def fit_gyroscope(t, rate, moves, up, bias):
         return Sensor(T, p[6:], bias)
 
     def residual(p):
-        own = Sensor(sensor(p).T, p[6:], np.zeros(3))
-        turned = rotation(step, own.corrected(first), own.corrected(second))
+        candidate = Sensor(sensor(p).T, p[6:], np.zeros(3))
+        turned = rotation(step, candidate.corrected(first), candidate.corrected(second))
         return (rotate_back(turned, up[:-1]) - up[1:]).ravel()
 
     return _solve(residual, np.repeat([0.0, 0.0, 1.0], 3), sensor)
@@ -80,9 +80,9 @@ def fit_gyroscope(t, rate, moves, up, bias):
 def _solve(residual, start, sensor):
     if len(residual(start)) < len(start):
         return None
-    found = least_squares(residual, start, x_scale="jac")
-    good = found.success and np.abs(found.x - start).max() < 0.5
-    return sensor(found.x) if good else None
+    fit = least_squares(residual, start, x_scale="jac")
+    good = fit.success and np.abs(fit.x - start).max() < 0.5
+    return sensor(fit.x) if good else None
 
 
 def rotation(step, first, second):

@@ -53,8 +53,8 @@ def all_cases(limits=LIMITS):
             and "power_cycle" not in effect.needs
         ]
         cases += [Case("effect", "poses", sensor, (name,)) for name in sorted(of_poses)]
-        known = [name for name in at_rest if name in Effect.library]
-        cases += [Case("effect", "static_record", sensor, (name,)) for name in known]
+        names = [name for name in at_rest if name in Effect.library]
+        cases += [Case("effect", "static_record", sensor, (name,)) for name in names]
         cases += [
             Case("effect", "motion", sensor, (name,))
             for name, effect in sorted(Effect.library.items())
@@ -79,10 +79,10 @@ def choose_effects(case, seed, control):
     of that seed without effects, has no detection limit: the log cannot show the effect.
     """
     rng = np.random.default_rng([seed, *"".join((case.sensor, *case.names)).encode()])
-    found = control["diagnosis"]["sensors"][case.sensor][case.record]
-    made = []
+    part = control["diagnosis"]["sensors"][case.sensor][case.record]
+    effects = []
     for name in case.names:
-        candidate = next(c for c in found["candidates"] if c["name"] == name)
+        candidate = next(c for c in part["candidates"] if c["name"] == name)
         if not candidate["detection_limit"]:
             return None
         # at rest the parameters of three axes leave nothing in common
@@ -91,28 +91,28 @@ def choose_effects(case, seed, control):
             # the log may show some of them alone
             shown = [p in candidate["detection_limit"] for p in candidate["parameters"]]
             alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
-        made.append(_choose_effect(case, name, candidate, alike, rng))
-    return tuple(made)
+        effects.append(_choose_effect(case, name, candidate, alike, rng))
+    return tuple(effects)
 
 
 def _choose_effect(case, name, candidate, alike, rng):
     """Return one effect of as many detection limits as the case has."""
     sensor, limits = case.sensor, case.limits
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])
-    known = list(limit)
+    keys = list(limit)
     for key in constants.keys() & {"tau", "half_width", "lag"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
-    z = rng.standard_normal(len(known))
+    z = rng.standard_normal(len(keys))
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
-        z *= [key.startswith("c1") for key in known]
+        z *= [key.startswith("c1") for key in keys]
     if limits == 1:
         # a limit is of one parameter alone
-        z *= np.arange(len(known)) == rng.choice(np.flatnonzero(z))
+        z *= np.arange(len(keys)) == rng.choice(np.flatnonzero(z))
     z *= limits / np.sqrt(z @ alike @ z)
     # of a size without a limit nothing is put in
     values = dict.fromkeys(candidate.get("parameters", ()), 0.0)
-    values |= {key: limit[key] * part for key, part in zip(known, z, strict=True)}
+    values |= {key: limit[key] * part for key, part in zip(keys, z, strict=True)}
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = limits * min(1.0, bound / largest)
     values = {key: float(value * size / limits) for key, value in values.items()}

@@ -76,16 +76,16 @@ def base_pulls(truth, sessions, folder, seed):
     The result is a dict by sensor and parameter, without sensors that were not calibrated at the
     poses. The true bias is its level over the rests, with the slow noise of this recording.
     """
-    calibration, found = Calibration.from_json(folder / "calibration.json"), {}
+    calibration, pulls = Calibration.from_json(folder / "calibration.json"), {}
     level = _mean_slow_noise(truth, sessions, seed)
     for sensor, names in NAMES.items():
         fitted, true = getattr(calibration, sensor), getattr(truth, sensor)
         true = replace(true, b=np.add(true.b, level[sensor]))
         if fitted.method == "multi_position":
-            found[sensor] = {
+            pulls[sensor] = {
                 n: float((_entry(fitted, n) - _entry(true, n)) / fitted.std[n]) for n in names
             }
-    return found
+    return pulls
 
 
 def _mean_slow_noise(truth, sessions, seed):
@@ -96,9 +96,9 @@ def _mean_slow_noise(truth, sessions, seed):
     """
     without, none = truth, (0.0, 0.0, 0.0)
     for sensor in SENSORS:
-        own = getattr(truth, sensor)
-        noise = replace(own.noise, B=none, K=none)
-        without = replace(without, **{sensor: replace(own, noise=noise)})
+        part = getattr(truth, sensor)
+        noise = replace(part.noise, B=none, K=none)
+        without = replace(without, **{sensor: replace(part, noise=noise)})
     slow = []
     for name, files in sessions.items():
         if files["kind"] != "multi_position":
@@ -125,14 +125,14 @@ def likeness(truth, sessions, folder):
     """
     if (problem := _problem(truth, sessions, folder)) is None:
         return {}
-    search, found = Choices(problem), {}
+    search, matrices = Choices(problem), {}
     for kind in (*search.problem.variants, *search.problem.scans):
         if trial := search.trial((), kind):
             _, _, covariance = search.estimate((), trial.effect)
             information = np.linalg.inv(covariance)
             size = np.sqrt(np.diag(information))
-            found[kind.sensor, kind.name] = information / np.outer(size, size)
-    return found
+            matrices[kind.sensor, kind.name] = information / np.outer(size, size)
+    return matrices
 
 
 def _problem(truth, sessions, folder):

@@ -86,8 +86,8 @@ def _after(values, t, seconds):
 def _lever_arm(now, p, c):
     w, change = now.other, _change(now.other, now.t)
     arms = [np.array([p[f"r{i}{j}"] for j in "xyz"]) for i in "xy"]
-    each = [np.cross(change, r) + np.cross(w, np.cross(w, r)) for r in arms]
-    return np.column_stack([each[0][:, 0], each[1][:, 1], np.zeros(len(w))])
+    forces = [np.cross(change, r) + np.cross(w, np.cross(w, r)) for r in arms]
+    return np.column_stack([forces[0][:, 0], forces[1][:, 1], np.zeros(len(w))])
 
 
 def _axis_delay(now, p, c):

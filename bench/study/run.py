@@ -29,9 +29,9 @@ def run(cases, first, seeds, controls, workers, keep=None, progress=print):
         for k in range(max(seeds, controls * (record in asked)))
     ]
     with multiprocessing.get_context("fork").Pool(workers) as pool:
-        for (*_, record, seed, _), made in pool.imap(_control, jobs):
-            plain[record, seed] = made
-            progress(f"control {record} {seed}: {made['seconds']:.1f} s")
+        for (*_, record, seed, _), outcome in pool.imap(_control, jobs):
+            plain[record, seed] = outcome
+            progress(f"control {record} {seed}: {outcome['seconds']:.1f} s")
         for case in cases:
             if case.kind == "control":
                 outcomes[case] = [plain[case.record, first + k] for k in range(controls)]
@@ -41,9 +41,9 @@ def run(cases, first, seeds, controls, workers, keep=None, progress=print):
             if case.kind != "control"
             for seed in range(first, first + seeds)
         ]
-        for case, made in pool.imap(_device, jobs):
-            outcomes.setdefault(case, []).append(made)
-            progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {made['seed']}")
+        for case, outcome in pool.imap(_device, jobs):
+            outcomes.setdefault(case, []).append(outcome)
+            progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {outcome['seed']}")
     return outcomes
 
 
@@ -76,8 +76,8 @@ def _device(job):
 def made_device(case, seed, control, made_of):
     """Return the outcome of a device of a case, sized by its control."""
     start, effects = time.process_time(), choose_effects(case, seed, control)
-    made = {"seed": seed, "commit": made_of, "control": control["diagnosis"], "diagnosis": None}
-    made |= {"injected": [], "found": []}
+    outcome = {"seed": seed, "commit": made_of, "control": control["diagnosis"], "diagnosis": None}
+    outcome |= {"injected": [], "found": []}
     if effects is not None:
         truth = with_effects(DEVICES[case.record](), effects)
         moving = case.record == "motion"
@@ -85,17 +85,17 @@ def made_device(case, seed, control, made_of):
         def also(*device):
             return base_pulls(*device, seed)
 
-        found = diagnosis_of(truth, seed, also, limits=False, motion=moving)
-        made["diagnosis"], made["base_pulls"] = found
-        made["injected"] = [
+        diagnosis, errors = diagnosis_of(truth, seed, also, limits=False, motion=moving)
+        outcome |= {"diagnosis": diagnosis, "base_pulls": errors}
+        outcome["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
-        made["found"] = [
+        outcome["found"] = [
             # between two of the time constants that are tried, no parameter is the one put in
-            {**found, "expected": effect.values if found["constants"] == effect.constants else {}}
+            {**entry, "expected": effect.values if entry["constants"] == effect.constants else {}}
             for effect in effects
-            for record, found in effect_entries(
-                made["diagnosis"], case.sensor, case.record, effect.name
+            for record, entry in effect_entries(
+                outcome["diagnosis"], case.sensor, case.record, effect.name
             )
         ]
-    return made | {"seconds": time.process_time() - start}
+    return outcome | {"seconds": time.process_time() - start}

@@ -15,13 +15,13 @@ def added_effects(diagnosis):
 
     What was found at rest is known at the poses: a candidate that is added, no effect of theirs.
     """
-    found = []
+    effects = []
     for sensor, parts in diagnosis["sensors"].items():
         for record, part in parts.items():
             names = [effect["name"] for effect in part["effects"]]
             names += [c["name"] for c in part["candidates"] if c["status"] == "added"]
-            found += [(sensor, record, name) for name in dict.fromkeys(names)]
-    return found
+            effects += [(sensor, record, name) for name in dict.fromkeys(names)]
+    return effects
 
 
 def effect_entries(diagnosis, sensor, record, name):
@@ -76,12 +76,12 @@ def judge(case, outcome):
 
 def ratio(case, outcome):
     """Return the held-out error after over the control's, the largest of the residuals."""
-    found, control = (
+    diagnosis, control = (
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )
     return max(
         residual["after"] / control["residuals"][kind]["before"]
-        for kind, residual in found["residuals"].items()
+        for kind, residual in diagnosis["residuals"].items()
     )
 
 
@@ -89,10 +89,10 @@ def pulls(outcome):
     """Return the errors of the parameters of the effects found, in their standard errors."""
     return np.array(
         [
-            (value - found["expected"][name]) / found["std"][name]
-            for found in outcome["found"]
-            for name, value in found["parameters"].items()
-            if name in found["expected"]
+            (value - entry["expected"][name]) / entry["std"][name]
+            for entry in outcome["found"]
+            for name, value in entry["parameters"].items()
+            if name in entry["expected"]
         ]
     )
 
@@ -109,4 +109,4 @@ def base_pulls(case, outcome):
     constants = {e["name"]: e["constants"] for e in outcome.get("injected", ())}
     if any(f["constants"] != constants[f["name"]] for f in outcome.get("found", ())):
         return np.zeros(0)
-    return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
+    return np.array([v for sensor in outcome["base_pulls"].values() for v in sensor.values()])

@@ -13,7 +13,7 @@ RIGHT, ALARMS, INSIDE, INTERVALS = 0.90, 0.05, 0.95, (0.93, 0.97)
 
 def document(outcomes, first):
     """Return the tables of outcomes by case; `first` is the seed of the first device."""
-    seconds = [made["seconds"] for each in outcomes.values() for made in each]
+    seconds = [device["seconds"] for devices in outcomes.values() for device in devices]
     head = (
         f"{len(seconds)} devices, all simulated, from seed {first} on, their effects declared "
         f"nowhere; {np.mean(seconds):.1f} s each on one core."
@@ -25,10 +25,10 @@ def document(outcomes, first):
 def judgements(outcomes, *kinds):
     """Return case, outcome and judgement of every device whose log can show its effect."""
     return [
-        (case, made, judge(case, made))
-        for case, each in outcomes.items()
-        for made in each
-        if made["diagnosis"] is not None and (not kinds or case.kind in kinds)
+        (case, device, judge(case, device))
+        for case, devices in outcomes.items()
+        for device in devices
+        if device["diagnosis"] is not None and (not kinds or case.kind in kinds)
     ]
 
 
@@ -36,23 +36,23 @@ def bounds(outcomes):
     """Return the table of the bounds and of the figures found."""
     # what physics keeps below its size does not count
     one = [
-        (case, made, j)
-        for case, made, j in judgements(outcomes, "effect")
-        if made["injected"][0]["limits"] > case.limits - 1e-6
+        (case, device, j)
+        for case, device, j in judgements(outcomes, "effect")
+        if device["injected"][0]["limits"] > case.limits - 1e-6
     ]
     limits = next((case.limits for case, *_ in one), 0.0)
-    found = [(case, made) for case, made, j in one if j["right"]]
-    of_poses = [(c, made) for c, made, _ in judgements(outcomes) if c.record == "poses"]
+    right = [(case, device) for case, device, j in one if j["right"]]
+    of_poses = [(c, device) for c, device, _ in judgements(outcomes) if c.record == "poses"]
     # no other block of a record at rest tells when a step in it happens
     ratios = np.array(
         [
-            ratio(case, made)
-            for case, made in found
+            ratio(case, device)
+            for case, device in right
             if case.record != "static_record" or "steps" not in case.names
         ]
     )
-    errors = np.concatenate([[], *(pulls(made) for _, made in found)])
-    base = np.concatenate([[], *(base_pulls(*each) for each in of_poses)])
+    errors = np.concatenate([[], *(pulls(device) for _, device in right)])
+    base = np.concatenate([[], *(base_pulls(*pair) for pair in of_poses)])
     lines = [
         (f"right name or twin, at {limits:g} limits", "≥ 90%", [not j["missed"] for *_, j in one],
          (RIGHT, 1)),
@@ -79,33 +79,35 @@ def cases(outcomes):
         "put in", "sensor", "record", "named", "as a twin", "something else added",
         "largest error left", f"parameters within {SIGMAS:g} σ", "verdicts",
     )  # fmt: skip
-    return table(header, [row(case, judgements({case: made})) for case, made in outcomes.items()])
+    return table(
+        header, [row(case, judgements({case: device})) for case, device in outcomes.items()]
+    )
 
 
-def row(case, each):
-    """Return the row of a case; `each` holds case, outcome and judgement of its devices."""
+def row(case, devices):
+    """Return the row of a case; `devices` holds case, outcome and judgement of its devices."""
     names = " and ".join(case.names) or "nothing"
-    if not each:
+    if not devices:
         return (names, case.sensor, case.record, "not shown by this log", *"–––––")
-    found = [made for _, made, j in each if j.get("right") and not j["missed"]]
-    errors = np.concatenate([[], *map(pulls, found)])
-    ratios = [ratio(case, made) for made in found]
+    right = [device for _, device, j in devices if j.get("right") and not j["missed"]]
+    errors = np.concatenate([[], *map(pulls, right)])
+    ratios = [ratio(case, device) for device in right]
     verdicts = [
         part[case.record]["verdict"]
-        for _, made, _ in each
-        for sensor, part in made["diagnosis"]["sensors"].items()
+        for _, device, _ in devices
+        for sensor, part in device["diagnosis"]["sensors"].items()
         if sensor == case.sensor or not case.sensor
     ]
     if case.kind == "effect":
-        size = np.median([made["injected"][0]["limits"] for _, made, _ in each])
+        size = np.median([device["injected"][0]["limits"] for _, device, _ in devices])
         names += "" if size > case.limits - 1e-6 else f", {size:.2g} limits"
     return (
         names,
         case.sensor or "both",
         case.record,
-        f"{len(found)}/{len(each)}" if case.names else "–",
-        count_names(twin for *_, j in each for twin in j.get("twins", {}).values()),
-        count_names(f"{name} ({sensor})" for *_, j in each for sensor, _, name in j["more"]),
+        f"{len(right)}/{len(devices)}" if case.names else "–",
+        count_names(twin for *_, j in devices for twin in j.get("twins", {}).values()),
+        count_names(f"{name} ({sensor})" for *_, j in devices for sensor, _, name in j["more"]),
         f"{max(ratios):.2f}" if ratios else "–",
         f"{np.sum(np.abs(errors) <= SIGMAS)}/{len(errors)}" if len(errors) else "–",
         count_names(verdicts),

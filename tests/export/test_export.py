@@ -18,6 +18,7 @@ from export.devices import (
     unknown,
     with_sensor,
 )
+from imuloop.chain import Device
 from imuloop.core.files import read_json, write_json
 from imuloop.export.export import (
     FORMATS,
@@ -101,28 +102,32 @@ def _results(folder, board, rate_hz):
         ("c", "rejected", 99, None, [-40.0, 85.0]),
     ):
         quality = {"status": status, "rows": rows, "rate_hz": rate, "temperature_range": span}
-        write_json(folder / f"{name}.json", quality)
-    return folder / "calibration.json", folder / "noise.json", [folder / f"{n}.json" for n in "abc"]
+        (folder / name).mkdir()
+        write_json(folder / name / "quality.json", quality)
+    write_json(folder / "diagnosis.json", {"sensors": {}})
+    return Device("board", folder, dict.fromkeys("abc"))
 
 
 @pytest.mark.parametrize(("of_noise", "expected"), [(200.0, 200.0), (None, 100.0)])
 def test_results_are_read_back(tmp_path, of_noise, expected):
     board = device()
-    found = read_exported("board", "Board A", *_results(tmp_path, board, of_noise))
+    found = read_exported(_results(tmp_path, board, of_noise))
+    assert found.device == found.label == "board"
     assert (found.rate_hz, found.temperature_range) == (expected, (20.0, 31.0))
     assert found.noise.axes["gz"].K == board.noise.axes["gz"].K and found.notes == ("short",)
 
 
 @pytest.mark.parametrize("own", [False, True])
 def test_offset_of_a_clock_that_began_apart_is_not_exported(tmp_path, own):
-    *results, qualities = _results(tmp_path, device(), None)
-    quality = read_json(qualities[0])
-    write_json(qualities[0], quality | {"reference": {"clock": {"offset_s": 0.0, "own": own}}})
+    board = _results(tmp_path, device(), None)
+    path = board.sessions["a"]["quality"]
+    clock = {"offset_s": 0.0, "own": own}
+    write_json(path, read_json(path) | {"reference": {"clock": clock}})
     found = {"time_offset": {"dt": 0.01}, "clock_drift": {"d": 1e-5}}
     effects = [{"name": name, "parameters": values} for name, values in found.items()]
     diagnosis = {"sensors": {"gyroscope": {"reference": {"effects": effects}}}}
     write_json(tmp_path / "diagnosis.json", diagnosis)
-    found = read_exported("board", "B", *results, qualities, tmp_path / "diagnosis.json")
+    found = read_exported(board)
     assert (("gyroscope", "time_offset") in found.reference) is not own
     assert ("gyroscope", "clock_drift") in found.reference
 

@@ -1,5 +1,6 @@
 """The report of the plausible results, as the workflow's two rules make it."""
 
+from imuloop.chain import Device
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
 from report.plausible_results import write_results
@@ -16,7 +17,7 @@ PROVENANCE = {
 def build(folder):
     devices = write_results(folder)
     for device, (label, kinds) in devices.items():
-        write_section(device, label, folder / device, kinds)
+        write_section(Device(device, folder / device, kinds, label))
     joined_report(folder, devices, folder)
     return folder
 

@@ -12,6 +12,7 @@ from html import unescape
 import numpy as np
 import pytest
 
+from imuloop.chain import Device
 from imuloop.report.section import write_section
 from report.build import joined_report
 from report.plausible_results import DEVICES, HOSTILE
@@ -40,7 +41,7 @@ def test_a_second_run_gives_the_same_bytes(results, tmp_path):
     shutil.rmtree(folder / "partly/figures")
     for path in folder.glob("partly/*.html"):
         path.unlink()
-    write_section("partly", label, folder / "partly", kinds)
+    write_section(Device("partly", folder / "partly", kinds, label))
     assert _written(folder) == _written(results)
 
 

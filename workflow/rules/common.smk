@@ -90,11 +90,11 @@ def templates(*names):
     return sha256(b"".join((TEMPLATES / name).read_bytes() for name in names)).hexdigest()
 
 
-def one_of(known, name, kind):
+def one_of(entries, name, kind):
     """Return the entry of this name; a target may name an entry that is not there."""
-    if name not in known:
-        raise ImuloopError(f"there is no {kind} '{name}'{nearest(name, known)}")
-    return known[name]
+    if name not in entries:
+        raise ImuloopError(f"there is no {kind} '{name}'{nearest(name, entries)}")
+    return entries[name]
 
 
 def device_of(wildcards):
@@ -135,8 +135,8 @@ def session_files(*files, prior=False):
     def of(wildcards):
         device = device_of(wildcards)
         folders = [f"results/{wildcards.device}/{name}" for name in device["sessions"]]
-        found = {Path(file).stem: [f"{folder}/{file}" for folder in folders] for file in files}
-        return found | ({"prior": prior_file(wildcards)} if prior else {})
+        paths = {Path(file).stem: [f"{folder}/{file}" for folder in folders] for file in files}
+        return paths | ({"prior": prior_file(wildcards)} if prior else {})
 
     return of
 
@@ -153,7 +153,7 @@ def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
     sources = session_of(wildcards)["sources"].values()
     folders = [Path(s["path"]) for s in sources if os.path.isdir(s.get("path", ""))]
-    return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
+    return [str(path) for folder in folders for path in sorted(folder.iterdir()) if path.is_file()]
 
 
 def log_of(wildcards):
@@ -163,9 +163,9 @@ def log_of(wildcards):
     not there at first, and counts by its content or hash.
     """
     session = session_of(wildcards)
-    given = [s["path"] for s in session["sources"].values() if "path" in s]
-    own = [p for p in given if not is_stored(p) and not SIMULATED.fullmatch(os.path.normpath(p))]
-    files = filter(os.path.isfile, [*own, *files_inside(wildcards)])
+    paths = [s["path"] for s in session["sources"].values() if "path" in s]
+    local = [p for p in paths if not is_stored(p) and not SIMULATED.fullmatch(os.path.normpath(p))]
+    files = filter(os.path.isfile, [*local, *files_inside(wildcards)])
     return {
         "declared": {key: value for key, value in session.items() if key != "kind"},
         "sha256": log_digests([*files], ".snakemake/imuloop/logs.jsonl"),
@@ -208,5 +208,5 @@ def by_size(least, per_gigabyte, **per_session):
 def share(devices):
     """Return the devices that a job of a SLURM array works on; elsewhere all of them."""
     keys = (f"SLURM_ARRAY_TASK_{key}" for key in ("MIN", "MAX", "ID"))
-    first, last, own = (int(os.environ.get(key, 0)) for key in keys)
-    return list(devices)[own - first :: last - first + 1]
+    first, last, task = (int(os.environ.get(key, 0)) for key in keys)
+    return list(devices)[task - first :: last - first + 1]

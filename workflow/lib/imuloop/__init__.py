@@ -18,7 +18,6 @@ _PLACES = {
     "allan": "noise.allan",
     "calibrate": "calibrate",
     "load": "result",
-    "plot": "plot",
     "read": "calibrate_logs",
 }
 __all__ = [*_PLACES]
@@ -35,8 +34,8 @@ def __getattr__(name):
     # a calibration may hold any effect of the library
     import_module("imuloop.effects")
     module = import_module(f"imuloop.{_PLACES[name]}")
-    # these two modules are callable themselves
-    return module if name in ("calibrate", "plot") else getattr(module, name)
+    # the package is callable itself
+    return module if name == "calibrate" else getattr(module, name)
 
 
 def __dir__():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -14,12 +15,12 @@ from tqdm import tqdm
 
 from imuloop import chain
 from imuloop.config import OF_LOGS, known_figures
-from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
+from imuloop.core.errors import ImuloopError, ImuloopWarning
 from imuloop.core.files import make_folder, refuse_overwriting
-from imuloop.core.samples import TIME, read_samples
+from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.declaration import KEYS, check_declared, gravity_of
-from imuloop.in_memory import ARRAYS, FILE, log_of
+from imuloop.declaration import check_declared
+from imuloop.in_memory import FILE, log_of
 from imuloop.ingest.places import PYTHON, read_in
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder
 
@@ -94,13 +95,8 @@ def calibrate(
         For each log that was rejected, and for each fact that the user should look at in a log. The
         `failures` and `notes` of the result are lists of them.
     """
-    given = (t, acceleration, angular_rate, temperature)
-    arrays = {name: x for name, x in zip(ARRAYS, given, strict=True) if x is not None}
-    if not {*arrays} - {TIME}:
-        poses = _list_logs(t)
-    else:
-        # without t, each may be a path or a table with its own stamps
-        poses = [arrays if t is None else given]
+    arrays = (t, acceleration, angular_rate, temperature)
+    poses = _list_logs(t) if all(x is None for x in arrays[1:]) else [arrays]
     lists = zip(KINDS, (poses, _list_logs(six_position), _list_logs(static)), strict=True)
     logs = {
         f"{kind}_{i + 1}": log_of(log, columns, "log" if kind == KINDS[0] else kind)
@@ -113,40 +109,35 @@ def calibrate(
         raise ImuloopError(f"prior: {prior}: there is no such file")
     declared = {"format": format, "rate": rate, "columns": columns, "units": units}
     declared |= {"sensor": sensor, "range": range, "nominal": nominal}
+    declared |= {} if gravity == STANDARD_GRAVITY else {"gravity": gravity}
     with read_in(PYTHON):
         declared = check_declared(declared, name, settings)
+    temporary = None if folder else TemporaryFolder()
     if folder:
         make_folder(folder)
-    kept = folder or TemporaryFolder()
-    if prior and folder:
-        refuse_overwriting([folder], [prior])
+        refuse_overwriting([folder], [prior] if prior else [])
     device = chain.Device(
         name,
-        Path(folder or kept.name),
+        Path(folder or temporary.name),
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
-        gravity=gravity_of(gravity),
         **known_figures(declared),
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
+    steps = [(f"ingest {n}", partial(_ingest, device, n, log, declared)) for n, log in logs.items()]
     # a folder that is removed gets Allan curves only when a picture needs them
-    todo = [stage for stage in chain.stages() if folder or stage is not chain.allan]
-    count = len(logs) + len(todo)
+    stages = [stage for stage in chain.stages() if folder or stage is not chain.allan]
+    steps += [(stage.__name__, partial(stage, device)) for stage in stages]
     # no remaining time is shown, as stages take different times
     shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
-    stages = tqdm(total=count, disable=not progress, leave=False, bar_format=shown)
+    bar = tqdm(steps, disable=not progress, leave=False, bar_format=shown)
     # the matrices are small: threads within a product slow it down
-    with stages as bar, threadpool_limits(1, "blas"):
-        for session, log in logs.items():
-            bar.set_description(f"ingest {session}")
-            _ingest(device, session, log, declared)
-            bar.update()
-        for stage in todo:
-            bar.set_description(stage.__name__)
-            stage(device)
-            bar.update()
-    result = Result(device, None if folder else kept)
+    with bar, threadpool_limits(1, "blas"):
+        for words, step in bar:
+            bar.set_description(words)
+            step()
+    result = Result(device, temporary)
     for text in (*result.failures, *result.notes):
         # the warning names the line that calls `imuloop.calibrate`
         warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)
@@ -174,8 +165,6 @@ def read(log, **declared) -> pd.DataFrame:
     ImuloopWarning
         For each fact that the user should look at in the log.
     """
-    for key in {*declared} - {*KEYS}:
-        raise ImuloopError(f"'{key}' cannot be declared of a log{nearest(key, KEYS)}")
     with read_in(PYTHON):
         declared = check_declared(declared)
     log = log_of(log, declared.get("columns"))

@@ -209,16 +209,7 @@ def export(device):
     """Write the folder exports with files for other tools, and their list, exports.json."""
     from imuloop.export.export import export_files, read_exported, write_exports
 
-    qualities = [files["quality"] for files in device.sessions.values()]
-    exported = read_exported(
-        device.name,
-        device.label or device.name,
-        calibration=device.file("calibration.json"),
-        noise=device.file("noise.json"),
-        quality=qualities,
-        diagnosis=device.file("diagnosis.json"),
-    )
-    write_exports(device.file("exports"), export_files(exported))
+    write_exports(device.file("exports"), export_files(read_exported(device)))
 
 
 def report_device(device):
@@ -229,13 +220,7 @@ def report_device(device):
     from imuloop.report.section import write_section
 
     export(device)
-    write_section(
-        device.name,
-        device.label or device.name,
-        folder=device.folder,
-        sessions=device.kinds,
-        data_sheet=device.data_sheet,
-    )
+    write_section(device)
 
 
 def report(devices, command, family=None, failures=()):

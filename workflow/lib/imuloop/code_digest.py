@@ -31,21 +31,21 @@ def code_digest(script, *packages, without=(), library=_LIBRARY):
     the script whose names are in `without`.
     """
     script, library = Path(script), Path(library)
-    found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
+    digests, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
     while waiting:
         name = waiting.pop()
         if paths := sorted((library / name).rglob("*.py")):
             paths = [p for p in paths if name != script.stem or p.stem not in without]
             paths += sorted((library / name).rglob("*.yaml"))
-            found[name] = [(path.name, _digest(path)) for path in paths]
+            digests[name] = [(path.name, _digest(path)) for path in paths]
             waiting.update(*map(_imports, paths))
         elif (path := library / f"{name}.py").is_file():
             # the imports of such a module do not count: chain.py imports all stages
-            found[name] = _digest(path)
+            digests[name] = _digest(path)
         else:
-            found[name] = _version(name)
-        waiting -= {*found}
-    return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()
+            digests[name] = _version(name)
+        waiting -= {*digests}
+    return hashlib.sha256(repr(sorted(digests.items())).encode()).hexdigest()
 
 
 @cache

@@ -1,14 +1,16 @@
 """From a config to its devices, each with all defaults, as plain data."""
 
 import re
+from contextlib import suppress
 from datetime import date, datetime
 from glob import glob
+from itertools import count
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.declaration import gravity_of
 from imuloop.ingest.sources import file_name
+from imuloop.local_gravity import normal_gravity
 from imuloop.sensors import device_figures
 
 # keys of a device that apply to all its logs, unless a session has its own
@@ -50,47 +52,47 @@ def _expand_sessions(device):
     sessions = device.get("sessions") if isinstance(device, dict) else None
     if not isinstance(sessions, dict):
         return device
-    shared, found = {key: device[key] for key in OF_LOGS if key in device}, {}
+    shared, expanded = {key: device[key] for key in OF_LOGS if key in device}, {}
     for name, session in sessions.items():
-        if not isinstance(session, dict):
-            found[name] = session
-            continue
-        session = merge(shared, session)
-        paths = _find_logs(session.get("file"), session.get("format"))
-        if paths is None:
-            found[name] = session
-        for path in paths or ():
-            taken = {*sessions} - {name} | {*found}
-            found[_session_name(path, name, taken)] = session | {"file": path}
-    return device | {"sessions": found}
+        paths = ()
+        if isinstance(session, dict):
+            session = merge(shared, session)
+            paths = _find_logs(session.get("file"), session.get("format"))
+        if not paths:
+            expanded[name] = session
+        for path in paths:
+            taken = {*sessions} - {name} | {*expanded}
+            expanded[_session_name(path, name, taken)] = session | {"file": path}
+    return device | {"sessions": expanded}
 
 
 def _find_logs(file, form):
-    """Return the sorted paths of the logs in a pattern or a folder; None if `file` is one log.
+    """Return the sorted paths of the logs in a pattern or a folder; empty if `file` is one log.
 
     `form` is the name of the format that is declared, or None.
     """
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
-        return None
-    try:
+        return []
+    # a name too long, or a folder that may not be entered, is reported as a fault of the file
+    with suppress(OSError):
         # the name of a file may contain characters of patterns
         if _WILD.search(file) and not Path(file).exists():
-            return sorted(glob(file)) or None
-        if not Path(file).is_dir():
-            return None
-        # imported late, as it takes long
-        from imuloop.ingest.formats import find_format
-
-        try:
-            # a folder with a format is one log
-            find_format(form, {"log": file})
-        except ImuloopError:
+            return sorted(glob(file))
+        if Path(file).is_dir() and not _is_log(file, form):
             inside = (path for path in Path(file).iterdir() if not path.name.startswith("."))
-            return sorted(map(str, inside)) or None
-    except OSError:
-        # a name too long, or a folder that may not be entered, is reported as a fault of the file
-        pass
-    return None
+            return sorted(map(str, inside))
+    return []
+
+
+def _is_log(folder, form):
+    """Return whether a folder is one log, of the declared format `form` if this is not None."""
+    # imported late, as it takes long
+    from imuloop.ingest.formats import find_format
+
+    try:
+        return bool(find_format(form, {"log": folder}))
+    except ImuloopError:
+        return False
 
 
 def _session_name(path, session, taken):
@@ -102,20 +104,17 @@ def _session_name(path, session, taken):
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
     if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
         name = f"{session}_{name}"[:60]
-    number, stem = 1, name
-    while name in taken:
-        number += 1
-        name = f"{stem}_{number}"
-    return name
+    names = (f"{name}_{n}" if n > 1 else name for n in count(1))
+    return next(name for name in names if name not in taken)
 
 
 def resolve(config):
     """Return the devices of a config by name, each a dict that stages can use.
 
-    The config has no faults. A device has ``label``, ``gravity`` (m/s^2), the keys of the result of
-    `device_figures`, the settings of each stage, ``type`` (None if not given), ``prior`` with
-    ``file`` and ``type`` (empty if not given), and ``sessions`` by name. A session has ``kind``,
-    ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and
+    The config has no faults. A device has ``label``, the keys of the result of `known_figures`, the
+    settings of each stage, ``type`` (None if not given), ``prior`` with ``file`` and ``type``
+    (empty if not given), and ``sessions`` by name. A session has ``kind``, ``format``,
+    ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and
     ``reference`` if they have their own files), ``columns``, ``units``, ``rate`` (Hz),
     ``time_range``, ``pps``, ``reference`` and ``known_rotation``.
     """
@@ -130,7 +129,6 @@ def _resolve_device(name, device):
         "label": device.get("label", name),
         "type": device.get("type"),
         "prior": {"file": prior, "type": device.get("type")} if prior else {},
-        "gravity": gravity_of(device.get("gravity", STANDARD_GRAVITY)),
         **known_figures(device),
         **{stage: device.get(stage) or {} for stage in STAGES},
         "sessions": {key: _resolve_session(plan) for key, plan in device["sessions"].items()},
@@ -138,12 +136,16 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return the scales, full scales, tolerances and noise of a device, a dict of dicts.
+    """Return local gravity, m/s^2, and the result of `device_figures` of a device, a dict.
 
-    `device` has the keys ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a config; a key
-    may be absent.
+    `device` has the keys ``gravity``, ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a
+    config; a key may be absent.
     """
-    return device_figures(*(device.get(k) for k in ("sensor", "range", "nominal", "full_scale")))
+    gravity = device.get("gravity", STANDARD_GRAVITY)
+    figures = device_figures(*map(device.get, ("sensor", "range", "nominal", "full_scale")))
+    return figures | {
+        "gravity": normal_gravity(**gravity) if isinstance(gravity, dict) else float(gravity)
+    }
 
 
 def _resolve_session(session):
@@ -156,8 +158,8 @@ def _resolve_session(session):
         if "file" in resolved[key]:
             files[key] = sources(resolved[key].pop("file"))["log"]
     turns = session.get("sections") or [{k: session[k] for k in ("axis", "angle") if k in session}]
-    known = turns if session["kind"] == "known_rotation" else []
-    return resolved | {"sources": files, "known_rotation": known}
+    known_turns = turns if session["kind"] == "known_rotation" else []
+    return resolved | {"sources": files, "known_rotation": known_turns}
 
 
 def sources(file):
@@ -173,11 +175,8 @@ def sources(file):
 
 def by_type(devices):
     """Return the names of the devices of each type, a dict; devices without type are left out."""
-    types = {}
-    for name, device in devices.items():
-        if device.get("type"):
-            types.setdefault(device["type"], []).append(name)
-    return types
+    types = dict.fromkeys(device["type"] for device in devices.values() if device["type"])
+    return {t: [n for n, device in devices.items() if device["type"] == t] for t in types}
 
 
 def is_stored(path):

@@ -46,10 +46,10 @@ def config_faults(config, files, replicas, mirror=None):
     # the line of a missing key is the line of the mapping that needs it
     above = {key: [key[:depth] for depth in range(len(key), 0, -1)] for key in faults}
     places = {key: next((lines[k] for k in above[key] if k in lines), whole) for key in faults}
-    found = [f"{places[key]}: {'.'.join(map(str, key))}: {text}" for key, text in faults.items()]
+    messages = [f"{places[key]}: {'.'.join(map(str, key))}: {text}" for key, text in faults.items()]
     if mirror and not Path(mirror).is_dir():
-        found.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
-    return [*map(one_line, found)]
+        messages.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
+    return [*map(one_line, messages)]
 
 
 def _validation_faults(config, context=None):
@@ -60,10 +60,10 @@ def _validation_faults(config, context=None):
     try:
         Config.model_validate(config, context=context)
     except ValidationError as error:
-        for each in error.errors():
+        for fault in error.errors():
             # pydantic also names the alternative of a value with several types, which is not a key
-            key = tuple(part for part in each["loc"] if not is_branch(part))
-            yield key, _describe(each, key)
+            key = tuple(part for part in fault["loc"] if not is_branch(part))
+            yield key, _describe(fault, key)
 
 
 def device_faults(name, device):
@@ -96,17 +96,17 @@ def _describe(error, key):
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:76]}…"
     if rule == "unexpected_keyword_argument":
-        known = [field.name for field in fields(Device.model_fields[key[-2]].annotation)]
-        return f"unknown key{nearest(key[-1], known)}"
+        names = [field.name for field in fields(Device.model_fields[key[-2]].annotation)]
+        return f"unknown key{nearest(key[-1], names)}"
     if rule == "missing":
         return "missing"
     if value is None:
         return "nothing is given"
     if rule == "literal_error":
-        known = re.findall("'(.*?)'", context["expected"])
+        names = re.findall("'(.*?)'", context["expected"])
         if "units" in key:
-            return f"{shown} is not a unit{_nearest_unit(str(value), known)}"
-        return f"{shown} is not a {key[-1]}{nearest(str(value), known, 0.4)}"
+            return f"{shown} is not a unit{_nearest_unit(str(value), names)}"
+        return f"{shown} is not a {key[-1]}{nearest(str(value), names, 0.4)}"
     if rule == "union_tag_invalid":
         return f"{shown} is none of {context['expected_tags'].replace(BRANCH, '')}"
     if "error" in context:
@@ -115,14 +115,14 @@ def _describe(error, key):
     return f"{shown} {re.sub('^.*?(?=should)', '', words)}"
 
 
-def _nearest_unit(name, known):
+def _nearest_unit(name, units):
     """Return the end of a message that names the unit that `name` means, or the nearest one.
 
-    `known` are the names of the possible units.
+    `units` are the names of the possible units.
     """
     # the unit that `name` spells in another way comes first: by similarity, dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None
     for quantity, increments in product(UNITS, (True, False)):
         unit = stated_unit(quantity, name, increments)
-        meant = meant or (unit if unit in known else None)
-    return f"; did you mean '{meant}'?" if meant else nearest(name, known, 0.8)
+        meant = meant or (unit if unit in units else None)
+    return f"; did you mean '{meant}'?" if meant else nearest(name, units, 0.8)

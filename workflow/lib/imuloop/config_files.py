@@ -5,44 +5,30 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from imuloop.config_keys import Keys, Text, either, kind_of
-from imuloop.file_faults import file_fault, path_fault
+from imuloop.file_faults import file_fault
 from imuloop.ingest.sources import file_name
 from imuloop.ingest.spellings import SENSORS
 
-# patterns of texts
+# patterns of texts; Snakemake would put the name of a device in place of braces
 SHA256 = "^[0-9a-f]{64}$"
-URL = r"^(https?|ftp|file)://\S*[^/\s]$"
+URL = r"^(https?|ftp|file)://[^\s{}]*[^/\s{}]$"
 WHEEL = "^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
-MEMBER = r"^[^/\n].*[^/\n]$"
+MEMBER = r"^[^/\n{}][^\n{}]*[^/\n{}]$"
 
 
 def source_kind(value):
-    """Return the name of the type for the value of a source: a path, a url or a wheel."""
-    if isinstance(value, dict):
-        return "wheel" if "wheel" in value else "url"
-    return kind_of(value)
-
-
-def file_kind(value):
-    """Return the name of the type for the value of a file: a pair of sources, or one source."""
-    pair = isinstance(value, dict) and {*SENSORS} & {*value}
-    return "pair" if pair else source_kind(value)
+    """Return the name of the type for the value of a source: a path, url or wheel, or a pair."""
+    if not isinstance(value, dict):
+        return kind_of(value)
+    if {*SENSORS} & {*value}:
+        return "pair"
+    return "wheel" if "wheel" in value else "url"
 
 
 Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
 
 
-class Download(Keys):
-    """A file that is not on this machine."""
-
-    @classmethod
-    def faults(cls, keys, context):
-        """Yield the fault, if any, of the name that the file gets on this machine."""
-        if None not in map(keys.get, cls.model_fields) and (text := path_fault(file_name(keys))):
-            yield (), text
-
-
-class Url(Download):
+class Url(Keys):
     """A file on the network, kept in the folder of downloads.
 
     Attributes
@@ -55,7 +41,7 @@ class Url(Download):
     sha256: Sha256
 
 
-class Wheel(Download):
+class Wheel(Keys):
     """A file inside a wheel of the package registry; unpacked, never imported.
 
     Attributes

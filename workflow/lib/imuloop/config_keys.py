@@ -34,7 +34,7 @@ def either(by=kind_of, **types):
 
     `by` is a function that returns the name of the type that a value has to fit.
     """
-    members = tuple(Annotated[each, Tag(BRANCH + name)] for name, each in types.items())
+    members = tuple(Annotated[member, Tag(BRANCH + name)] for name, member in types.items())
     # members is a tuple, which | does not take
     return Annotated[Union[members], Discriminator(lambda value: BRANCH + by(value))]  # noqa: UP007
 

@@ -10,7 +10,6 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.config import known_figures
 from imuloop.config_files import existing
 from imuloop.config_keys import Keys, Number, Positive, Text, either
 from imuloop.config_session import Columns, Format, Rate, Session, Units
@@ -25,7 +24,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.file_faults import path_fault
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
-from imuloop.sensors import LARGEST, PARTS, find_sensor
+from imuloop.sensors import LARGEST, PARTS, device_figures, find_sensor
 
 # pattern of a name that becomes a folder
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
@@ -168,9 +167,7 @@ class Device(Keys):
     label: Annotated[Text, Field(max_length=200)] = None
     type: Name = None
     prior: Annotated[existing(), Field(max_length=1000)] = None
-    gravity: either(number=Annotated[Number, Field(ge=9.7, le=9.9)], mapping=Place) = (
-        STANDARD_GRAVITY
-    )
+    gravity: either(number=Gravity, mapping=Place) = STANDARD_GRAVITY
     full_scale: FullScale = None
     sensor: Annotated[Text, AfterValidator(_check_sensor)] = None
     range: Range = None
@@ -187,26 +184,22 @@ class Device(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of the ranges and of the scales of counts."""
-        sensor, nominal, sound = keys.get("sensor"), keys.get("nominal") or {}, True
-        for quantity, name in (keys.get("range") or {}).items():
-            try:
-                if "sensor" not in keys:
-                    raise ImuloopError("needs the device's sensor")
-                if sensor:
-                    find_sensor(sensor).choose_range(quantity, name)
-            except ImuloopError as error:
-                sound = False
-                yield ("range", quantity), str(error)
-        for quantity, counts in nominal.items():
-            if "sensor" not in keys and "offset" in counts and "scale" not in counts:
-                sound = False
-                yield ("nominal", quantity, "scale"), "missing; offset needs it"
-        # without the scales of counts it is unknown which units need them
-        if not sound or None in (keys.get(key, 0) for key in ("sensor", "range", "nominal")):
+        """Yield the faults of ranges, and of counts without a scale."""
+        sensor, ranges = keys.get("sensor", ""), keys.get("range", {})
+        nominal = keys.get("nominal", {})
+        if None in (sensor, ranges, nominal):
             return
-        scales = known_figures(keys)["nominal"]
-        for name, session in (keys.get("sessions") or {}).items():
+        wrong = {}
+        for quantity, name in ranges.items():
+            try:
+                device_figures(sensor, {quantity: name})
+            except ImuloopError as error:
+                wrong[quantity] = str(error)
+        yield from ((("range", quantity), text) for quantity, text in wrong.items())
+        # with a wrong range it is unknown which units need a scale
+        scales = {} if wrong else device_figures(sensor, ranges, nominal)["nominal"]
+        sessions = {} if wrong else keys.get("sessions") or {}
+        for name, session in sessions.items():
             for quantity in PARTS:
                 stated = scales.get(quantity, {})
                 unit = session.get("units", {}).get(quantity)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from imuloop.config_files import LogPath, Pair, Source, Url, Wheel, file_kind
+from imuloop.config_files import LogPath, Pair, Source, Url, Wheel, source_kind
 from imuloop.config_keys import Keys, Number, Positive, Text, either
 from imuloop.ingest.spellings import UNITS
 
@@ -232,6 +232,10 @@ TimeRange = Annotated[
 ]
 
 
+# keys that a kind of session needs
+NEEDED = {"reference_motion": ("reference",), "known_rotation": ("axis", "angle")}
+
+
 class Session(Keys):
     """One log.
 
@@ -250,7 +254,7 @@ class Session(Keys):
     """
 
     kind: Literal["static", "six_position", "multi_position", "known_rotation", "reference_motion"]
-    file: either(file_kind, text=LogPath, url=Url, wheel=Wheel, pair=Pair)
+    file: either(source_kind, text=LogPath, url=Url, wheel=Wheel, pair=Pair)
     format: Format = None
     columns: Columns = None
     units: Units = None
@@ -265,13 +269,9 @@ class Session(Keys):
     @classmethod
     def faults(cls, keys, context):
         """Yield each key that the kind of session needs, and a reference that it cannot have."""
-        needed = ()
-        if keys.get("kind") == "reference_motion":
-            needed = ("reference",)
-        elif keys.get("kind") == "known_rotation" and "sections" not in keys:
-            needed = ("axis", "angle")
-        for key in needed:
-            if key not in keys:
-                yield (key,), f"missing; a session of kind {keys['kind']} needs it"
-        if "reference" in keys and keys.get("kind") not in (None, "reference_motion"):
+        kind = keys.get("kind")
+        instead = {"axis", "angle"} if "sections" in keys else {*()}
+        for key in {*NEEDED.get(kind, ())} - {*keys} - instead:
+            yield (key,), f"missing; a session of kind {kind} needs it"
+        if "reference" in keys and kind not in (None, "reference_motion"):
             yield ("reference",), "only a session of kind reference_motion has one"

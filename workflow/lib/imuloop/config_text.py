@@ -4,7 +4,6 @@ The latter are keys given twice, and values that YAML 1.1 takes for another type
 12:30:00, 007.
 """
 
-import json
 import re
 import sys
 
@@ -48,13 +47,7 @@ def read_keys(text):
     A key is the tuple of all names and indices that lead to a value. A fault is the text on a value
     that YAML reads otherwise than the user means it.
     """
-    lines, faults, waiting, traps = {}, {}, [((), yaml.compose(text, LOADER))], _TRAPS
-    try:
-        # Snakemake reads a config that is JSON as JSON, in which these values have no other type
-        json.loads(text)
-        traps = ()
-    except ValueError:
-        pass
+    lines, faults, waiting = {}, {}, [((), yaml.compose(text, LOADER))]
     for key, node in waiting:
         pairs = node.value if isinstance(node, yaml.MappingNode) else ()
         for name, value in pairs:
@@ -62,7 +55,7 @@ def read_keys(text):
             if below in lines:
                 faults[below] = f"given twice (again in line {line}); only one would count"
                 continue
-            if traps and re.fullmatch(_NO_NAME, _typed(name)):
+            if re.fullmatch(_NO_NAME, _typed(name)):
                 faults[below] = f"'{name.value}' is not text to YAML; write it in quotes"
             lines[below] = line
             waiting += [(below, name), (below, value)]
@@ -70,7 +63,7 @@ def read_keys(text):
             lines[*key, i] = value.start_mark.line + 1
             waiting.append(((*key, i), value))
         if isinstance(node, yaml.ScalarNode) and not node.style:
-            if any(re.fullmatch(trap, _typed(node)) for trap in traps):
+            if any(re.fullmatch(trap, _typed(node)) for trap in _TRAPS):
                 faults[key] = _trap(node.value)
     return lines, faults
 

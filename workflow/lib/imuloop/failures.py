@@ -113,9 +113,9 @@ def _failure(name, device, config):
         for pattern in OUTPUTS.values()
         for session in device["sessions"]
     )
-    made = Path("results", name, OUTPUTS["report_device"]).stat().st_mtime
+    finished = Path("results", name, OUTPUTS["report_device"]).stat().st_mtime
     files = (path for path in (*map(Path, logs), *results) if path.exists())
-    if any(path.stat().st_mtime > made for path in files):
+    if any(path.stat().st_mtime > finished for path in files):
         log = f"logs/report_device/{name}.log"
         return Failure(name, device["label"], "report_device", INTERRUPTED, log)
     return None

@@ -40,9 +40,9 @@ def file_fault(path, replicas, folder=False):
     if Path(os.path.normpath(path)).parts[:1] == ("results",):
         return f"{path} is a result of this workflow; name its source, or copy it out of results"
     if simulated := SIMULATED.fullmatch(os.path.normpath(path)):
-        known = [f"{replica}/{session}" for replica in replicas for session in replicas[replica]]
+        names = [f"{replica}/{session}" for replica in replicas for session in replicas[replica]]
         name = "/".join(simulated.groups())
-        return None if name in known else f"there is no replica '{name}'{nearest(name, known)}"
+        return None if name in names else f"there is no replica '{name}'{nearest(name, names)}"
     try:
         if folder and Path(path).is_dir():
             faults = filter(None, map(path_fault, sorted(os.listdir(path))))

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.ingest.formats import PAIR
 
@@ -33,31 +33,22 @@ def log_of(log, columns=None, name="log"):
         if not Path(log).exists():
             raise ImuloopError(f"{log}: there is no such file")
         return log if isinstance(log, str) else Path(log)
-    if isinstance(log, pd.DataFrame):
-        return _make_storable(_with_index(log), name)
+    if isinstance(log, (tuple, list)) and len(log) in (3, 4):
+        log = {k: v for k, v in zip(ARRAYS, log, strict=False) if v is not None}
     if isinstance(log, Mapping):
-        parts = [k for k, v in log.items() if isinstance(v, (*FILE, pd.DataFrame, Mapping))]
-        if parts and {*log} != {*PAIR}:
-            raise ImuloopError(
-                f"{name}: a table or file each under {', '.join(map(str, log))}; name them "
-                f"{' and '.join(PAIR)}"
-            )
-        if parts:
-            for quantity in {*PAIR} - {*parts}:
+        # without t, each sensor may have a file or a table with its own stamps
+        if "t" not in log and any(isinstance(v, (*FILE, pd.DataFrame)) for v in log.values()):
+            if {*log} != {*PAIR}:
                 raise ImuloopError(
-                    f"{quantity}: without t it is a path or a DataFrame with its own stamps"
+                    f"{name}: a table or file each under {', '.join(map(str, log))}; name them "
+                    f"{' and '.join(PAIR)}"
                 )
             return {quantity: log_of(log[quantity], columns, quantity) for quantity in PAIR}
-        if not {*PAIR} & {*log} or not {*log} <= {*ARRAYS}:
-            try:
-                return _make_storable(pd.DataFrame(dict(log)), name)
-            except ValueError as error:
-                raise ImuloopError(f"{name}: {error}") from error
-        log = tuple(map(log.get, ARRAYS))
-    if isinstance(log, (tuple, list)) and len(log) in (3, 4) and not isinstance(log[0], FILE):
-        return _make_storable(_table_of_arrays(*log), name)
+        log = _table_of_arrays({k: _array(k, v) for k, v in log.items() if v is not None})
     if isinstance(log, np.ndarray) and log.ndim == 2 and columns:
-        return _make_storable(pd.DataFrame(log), name)
+        log = pd.DataFrame(log)
+    if isinstance(log, pd.DataFrame):
+        return _make_storable(_with_index(log), name)
     shape = f" of shape {log.shape}" if isinstance(log, np.ndarray) else ""
     raise ImuloopError(
         f"{name}: {type(log).__name__}{shape} is not a log; a log is a path, a DataFrame, (t, "
@@ -67,18 +58,19 @@ def log_of(log, columns=None, name="log"):
     )
 
 
-def _table_of_arrays(*arrays):
-    """Return a log of arrays, in the order of `ARRAYS`, as a DataFrame; None for a missing array.
+def _table_of_arrays(arrays):
+    """Return a log of arrays by their names in `ARRAYS`, a dict, as a DataFrame.
 
-    Raises an ImuloopError for an array of a wrong shape.
+    Raises an ImuloopError for an array that is missing, or has another name or a wrong shape.
     """
-    given = {k: _array(k, v) for k, v in zip(ARRAYS, arrays, strict=False) if v is not None}
+    for name in {*arrays} - {*ARRAYS}:
+        raise ImuloopError(f"{name}: no array of a log{nearest(str(name), ARRAYS)}")
     for quantity in PAIR:
-        if quantity not in given:
+        if quantity not in arrays:
             raise ImuloopError(f"{quantity}: none is given")
-    first, table = next(iter(given)), {}
-    n = len(np.atleast_1d(given[first]))
-    for name, values in given.items():
+    first, table = next(iter(arrays)), {}
+    n = len(np.atleast_1d(arrays[first]))
+    for name, values in arrays.items():
         shape = (n, 3) if name in PAIR else (n,)
         if values.shape != shape:
             raise ImuloopError(

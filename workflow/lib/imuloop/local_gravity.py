@@ -1,11 +1,6 @@
-"""Local gravity from latitude and height, and limits of these values."""
+"""Local gravity from latitude and height."""
 
 import numpy as np
-
-# least and largest local gravity, on Earth or elsewhere, m/s^2
-WEAKEST, STRONGEST = 0.1, 25.0
-# limits of a place on Earth: geodetic latitude, degrees, and height above the ellipsoid, m
-LATITUDES, HEIGHTS = (-90, 90), (-1000, 20000)
 
 
 def normal_gravity(latitude, height):

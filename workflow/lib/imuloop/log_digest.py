@@ -21,28 +21,28 @@ def log_digests(paths, record):
         File with a line for each file that was read: its path, state and SHA-256, as JSON. A later
         line replaces an earlier one.
     """
-    known = _read_record(record)
+    digests = _read_record(record)
     for path in map(str, paths):
-        found = Path(path).stat()
-        state = [found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino]
-        if known.get(path, [])[:-1] != state:
+        status = Path(path).stat()
+        state = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+        if digests.get(path, [])[:-1] != state:
             with open(path, "rb") as file:
-                known[path] = [*state, hashlib.file_digest(file, "sha256").hexdigest()]
+                digests[path] = [*state, hashlib.file_digest(file, "sha256").hexdigest()]
             # in a folder that may not be written the files are read each time
             with suppress(OSError):
                 Path(record).parent.mkdir(parents=True, exist_ok=True)
                 with open(record, "a") as file:
-                    file.write(json.dumps([path, known[path]]) + "\n")
-    return [known[str(path)][-1] for path in paths]
+                    file.write(json.dumps([path, digests[path]]) + "\n")
+    return [digests[str(path)][-1] for path in paths]
 
 
 @cache
 def _read_record(record):
     """Return state and SHA-256 of files, a list for each path, from the lines of a record file."""
-    known = {}
+    digests = {}
     with suppress(OSError):
         for line in Path(record).read_text().splitlines():
             # a run that was killed may have left half a line
             with suppress(ValueError):
-                known.update([json.loads(line)])
-    return known
+                digests.update([json.loads(line)])
+    return digests

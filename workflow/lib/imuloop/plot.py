@@ -1,7 +1,4 @@
-"""The figures of the report on a device, for notebooks, drawn by matplotlib.
-
-``draw(areas, result, name)`` draws a figure on given Axes; ``result.plot.allan()`` returns figures.
-"""
+"""The figures of the report on a device, for notebooks: ``result.plot.allan()`` returns them."""
 
 from functools import partial
 
@@ -9,29 +6,6 @@ from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.samples import SENSORS
 from imuloop.report.pictures import KINDS, pictures
 from imuloop.report.results import read_device
-
-
-def draw(areas, result, name):
-    """Draw a figure of a result.
-
-    Parameters
-    ----------
-    areas : matplotlib.axes.Axes, or list of them
-        Axes to draw on; a figure with several areas needs one for each, row by row.
-    result : imuloop.Result
-        The result of a device.
-    name : str
-        Name of the figure's file, as ``static_1_allan_gyroscope``.
-
-    Raises
-    ------
-    ImuloopError
-        If no figure has that name; the message lists the names.
-    """
-    known = {p.stem: p for kind in KINDS for p in result.plot.pictures(kind)}
-    if name not in known:
-        raise ImuloopError(f"{name}: no figure has this name; there are {', '.join(known)}")
-    known[name].plot(areas)
 
 
 class Plots:
@@ -53,9 +27,8 @@ class Plots:
     """
 
     def __init__(self, device):
-        folder, label = device.folder, device.label or device.name
         device.file("figures").mkdir(exist_ok=True)
-        self._device = read_device(device.name, label, folder, device.kinds)
+        self._device = read_device(device)
 
     def pictures(self, kind):
         """Return the `Picture` objects of one of `KINDS`."""
@@ -77,11 +50,11 @@ class Plots:
         Raises an ImuloopError for a name that no figure has.
         """
         drawn = {p.stem: p for p in self.pictures(kind)}
-        known = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
+        places = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
         for name in names:
-            if not any(_holds(each, name) for each in known):
+            if not any(_holds(place, name) for place in places):
                 raise ImuloopError(
-                    f"{kind}: '{name}' names no figure{nearest(str(name), known, 0.5)}"
+                    f"{kind}: '{name}' names no figure{nearest(str(name), places, 0.5)}"
                 )
         return [p.figure() for stem, p in drawn.items() if all(_holds(stem, n) for n in names)]
 

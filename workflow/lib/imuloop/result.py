@@ -101,16 +101,17 @@ class Result:
         if not all(files["allan"].exists() for files in self.device.sessions.values()):
             chain.allan(self.device)
 
-    def report(self, path, command="imuloop.calibrate", linked=True) -> Path:
+    def report(self, path, command="imuloop.calibrate", folder=None) -> Path:
         """Write the report, one HTML file, to `path`; return this path.
 
-        `command` is the command that the report names as its origin. If `linked` is true and the
-        result files are not in a temporary folder, the report has relative links to them.
+        `command` is the command that the report names as its origin. The report has relative links
+        to `folder`, in which the result will be saved, or to the result files as they are. Files in
+        a temporary folder get no links.
         """
         from imuloop.report.provenance import provenance
         from imuloop.report.report import write_report
 
-        path, folder = Path(path), self.device.folder
+        path, lasting = Path(path), None if self._folder else self.device.folder
         self._write_curves()
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
@@ -122,9 +123,8 @@ class Result:
         }
         repository = Path(imuloop.__file__).parents[3]
         made_by = provenance(imuloop.__version__, repository, command, config)
-        write_report([folder], made_by, path, folder / "comparison.csv")
-        kept = self._folder is None and linked
-        _link(path, self.device.name, folder if kept else None)
+        write_report([self.device.folder], made_by, path, self.device.file("comparison.csv"))
+        _link(path, self.device.name, Path(folder) if folder else lasting)
         return path
 
     def export(self, folder) -> list:
@@ -139,8 +139,13 @@ class Result:
         return targets
 
     def save(self, folder) -> Path:
-        """Copy the result's files into a folder, for `imuloop.load`; return the folder's path."""
+        """Copy the result's files into a folder, for `imuloop.load`; return the folder's path.
+
+        The folder gets exports and Allan curves, too, as results of the workflow.
+        """
         make_folder(folder)
+        self._write_curves()
+        chain.export(self.device)
         if Path(folder).resolve() != self.device.folder.resolve():
             shutil.copytree(self.device.folder, folder, dirs_exist_ok=True)
         return Path(folder)
@@ -152,14 +157,11 @@ class Result:
         return _unpickle, (self.device, files)
 
     def __str__(self):
-        return self.describe()
-
-    def describe(self, failures=True):
-        """Return the calibration and the verdicts as text, with or without the rejected logs."""
+        """Return the rejected logs, the notes, the calibration and the verdicts as text."""
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
         named = self.device.data_sheet.get("sensor")
         title += f", sensor {named}:" if named else ":"
-        lines = [title, *(self.failures if failures else ()), *self.notes]
+        lines = [title, *self.failures, *self.notes]
         for name in SENSORS:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")

@@ -91,7 +91,7 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
         units=units,
         start=start,
         prior=prior,
-        known=prior_rows(prior, turns, bias),
+        prior_rows=prior_rows(prior, turns, bias),
         method=recording.kind,
     )
     # all residuals of a kind have one variance
@@ -99,13 +99,13 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
     linearise = joint.measure(start, recording).at
     try:
-        rough = fit(linearise, x0=start, covariance=variance, prior=joint.known)
+        rough = fit(linearise, x0=start, covariance=variance, prior=joint.prior_rows)
     except NotConverged:
         return joint, reasons
     if np.mean(rough.white**2) <= MISFIT**2:
         # the prior is widened if the data are of another unit, range or board than the data sheet
-        known = prior_rows(prior.widened(rough.x), turns, bias)
-        joint = replace(joint, start=rough.x, known=known)
+        rows = prior_rows(prior.widened(rough.x), turns, bias)
+        joint = replace(joint, start=rough.x, prior_rows=rows)
     return joint, reasons
 
 

@@ -205,7 +205,7 @@ class Recording:
         for sensor, calibration in calibrations.items():
             if not calibration.effects:
                 continue
-            own, other = OWN[sensor]
+            column, other = OWN[sensor]
             at_poses = self.pose_channels(sensor, calibration.output, getattr(self.poses, other))
             along = self.rotation_channels(
                 sensor, calibration.output, getattr(self.rotations, other)
@@ -214,12 +214,12 @@ class Recording:
             scale = calibration.raw_unit.scale / calibration.K
             for effect in calibration.effects:
                 error = effect.output(at_poses) * scale
-                poses = replace(poses, **{own: getattr(poses, own) - error})
+                poses = replace(poses, **{column: getattr(poses, column) - error})
                 if sensor == "gyroscope":
                     poses = replace(poses, w_to_ends=poses.w_to_ends - error[:, None])
-                values = getattr(rotations, own)
+                values = getattr(rotations, column)
                 in_moves = values - (effect.output(along) * scale).reshape(values.shape)
-                rotations = replace(rotations, **{own: in_moves})
+                rotations = replace(rotations, **{column: in_moves})
         return replace(self, poses=poses, rotations=rotations)
 
     def _history(self, sensor, output, align_other, gather):

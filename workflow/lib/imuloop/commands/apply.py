@@ -14,7 +14,7 @@ from pathlib import Path
 from imuloop import Calibration
 from imuloop.commands.lines import say
 from imuloop.commands.logs import LOG, Log, refuse_swapped, write_samples
-from imuloop.commands.options import add_arguments
+from imuloop.commands.options import add_keys
 from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.export.export import reference_parameters
@@ -39,7 +39,7 @@ def add(command):
         action="store_true",
         help="add the time offset that was found with a reference to the time stamps",
     )
-    add_arguments(command)
+    add_keys(command)
 
 
 def run(arguments):

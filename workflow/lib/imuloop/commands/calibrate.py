@@ -10,18 +10,15 @@ neither Snakemake nor matplotlib.
 """
 
 import sys
-import tempfile
 import warnings
-from contextlib import suppress
 from pathlib import Path
 
 from imuloop.calibrate_logs import KINDS, calibrate
 from imuloop.commands.lines import say
 from imuloop.commands.logs import Log
-from imuloop.commands.options import add_arguments
+from imuloop.commands.options import add_keys
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import make_folder, refuse_overwriting
-from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.core.files import refuse_overwriting
 
 
 def add(command):
@@ -47,7 +44,7 @@ def add_logs(command):
         metavar="FILE",
         help="an earlier calibration.json of the device, or a family.json of its type",
     )
-    add_arguments(command, f"{STANDARD_GRAVITY}; its error becomes an error of the scale factors")
+    add_keys(command)
 
 
 def _read_log(text):
@@ -58,28 +55,15 @@ def _read_log(text):
 
 def run(arguments):
     """Write the results of one device; raise an ImuloopError if nothing was measured."""
-    folder = results_folder(arguments.output, "-o", arguments)
-    make_folder(folder)
-    try:
-        # temporary files are in the folder, where there is room for the results
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as temporary:
-            result = calibrated(arguments, Path(temporary))
-            if not result.calibration.measured:
-                refuse_failures(result)
-                why = f"nothing was measured: {result.calibration.accelerometer.not_testable}"
-                raise ImuloopError(f"{' and '.join(result.logs.values())}: {why}")
-            result.export(Path(temporary) / "exports")
-            say(*result.describe(failures=False).splitlines())
-            for path in [*Path(temporary).rglob("*")]:
-                if path.is_file():
-                    target = folder / path.relative_to(temporary)
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    path.replace(target)
-    finally:
-        # the folder is empty if nothing was written
-        with suppress(OSError):
-            folder.rmdir()
-    say(f"wrote {folder / 'calibration.json'}")
+    folder = arguments.output
+    refuse_paths(arguments, folder)
+    result = calibrated(arguments)
+    if not result.calibration.measured:
+        refuse_failures(result)
+        why = f"nothing was measured: {result.calibration.accelerometer.not_testable}"
+        raise ImuloopError(f"{' and '.join(result.logs.values())}: {why}")
+    result.save(folder)
+    say(*str(result).splitlines(), f"wrote {folder / 'calibration.json'}")
     refuse_failures(result)
 
 
@@ -89,27 +73,21 @@ def refuse_failures(result):
         raise ImuloopError("; ".join(result.failures))
 
 
-def results_folder(folder, option, arguments, more=()):
-    """Return a folder for results; raise an ImuloopError if they would overwrite other files.
+def refuse_paths(arguments, folder, *pages):
+    """Raise an ImuloopError if a log is missing, or if the results would overwrite other files.
 
-    `option` names the folder in messages, `arguments` are those of the command, and `more` are
-    other paths that will be written.
+    `folder` is the folder of the results or None, and `pages` are other files that are written.
     """
     for _, log in arguments.logs:
         log.refuse_no_log()
-    read = [path for _, log in arguments.logs for path in log.paths]
-    refuse_overwriting([*more, folder], [*read, *filter(None, [arguments.prior])])
-    for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
-        if (folder / name).exists() and not (folder / mark).exists():
-            raise ImuloopError(
-                f"{option} {folder}: {folder / name} would be emptied, and is not of an earlier "
-                "run: give another folder"
-            )
-    return folder
+    if folder and folder.is_file():
+        raise ImuloopError(f"{folder}: a file, where a folder is asked for")
+    logs = [path for _, log in arguments.logs for path in log.paths]
+    refuse_overwriting(filter(None, [folder, *pages]), filter(None, [*logs, arguments.prior]))
 
 
-def calibrated(arguments, folder):
-    """Run all stages on the logs in the arguments; return the `Result`, with files in `folder`."""
+def calibrated(arguments):
+    """Run all stages on the logs in the arguments; return the `Result`, in a temporary folder."""
     logs = {kind: [] for kind in KINDS}
     for kind, log in arguments.logs:
         if path := log.samples_path():
@@ -122,9 +100,7 @@ def calibrated(arguments, folder):
             logs.pop("multi_position"),
             **logs,
             **arguments.declared,
-            gravity=arguments.gravity or STANDARD_GRAVITY,
             prior=arguments.prior,
             label=arguments.label or arguments.logs[0][1].paths[0].stem,
-            folder=folder,
             progress=sys.stderr.isatty(),
         )

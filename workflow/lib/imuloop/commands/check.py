@@ -18,8 +18,9 @@ from imuloop import Calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.logs import LOG, Log, find_segments, read_log, refuse_swapped
-from imuloop.commands.options import add_arguments, between
+from imuloop.commands.logs import LOG, Log, read_log, recorded, refuse_swapped
+from imuloop.commands.options import add_keys, between
+from imuloop.config import known_figures
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
@@ -27,7 +28,6 @@ from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TURN_ON
 from imuloop.model.calibration_faults import implausible_values
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.page import RESIDUALS
@@ -51,18 +51,12 @@ def add(command):
         f"calibration's turn_on_bias, or {TURN_ON['accelerometer']:.3g},"
         f"{TURN_ON['gyroscope']:.2g} of MEMS data sheets",
     )
-    command.add_argument(
-        "--level",
-        type=between(1e-9, 1),
-        default=0.05,
-        help="probability of a false alarm, default 0.05",
-    )
     command.add_argument("--json", type=Path, metavar="OUT", help="write the result, for programs")
     command.add_argument(
         "--update", action="store_true", help="write the calibration with the biases of LOG to -o"
     )
     command.add_argument("-o", "--output", type=Path, help="calibration to write, with --update")
-    add_arguments(command, "that of the calibration")
+    add_keys(command)
 
 
 def run(arguments):
@@ -81,26 +75,21 @@ def run(arguments):
             f"{log}: the calibration is from this log (the same SHA-256), so it shows no drift: "
             "give a later log"
         )
-    kind, (segments, poses) = "multi_position", find_segments(samples, metadata, "multi_position")
+    session, poses = recorded(log, samples, metadata, "multi_position")
     if poses < 2:
-        kind, (segments, _) = "static", find_segments(samples, metadata, "static")
+        session, _ = recorded(log, samples, metadata, "static")
     longest, rails = CalibrateSettings().longest_rotation, metadata.get("rails", {})
-    recording = record([samples], [segments], longest, [rails])
+    recording = record([samples], [session.segments], longest, [rails])
     if noise_path.is_file():
         noise, source = read_noise(noise_path), f"of {noise_path}"
     else:
-        session = RecordedSession(log.name, kind, samples, segments)
         noise = estimate_noise(calibration.device, [session], NoiseSettings(), views=False).model
         source = "of the log itself"
-    gravity, update = arguments.gravity or calibration.gravity, None
+    figures = known_figures({"gravity": calibration.gravity} | arguments.declared)
+    gravity, update = figures["gravity"], None
     try:
         drift = check_drift(
-            calibration,
-            recording,
-            noise,
-            gravity=gravity,
-            level=arguments.level,
-            turn_on=arguments.turn_on,
+            calibration, recording, noise, gravity=gravity, turn_on=arguments.turn_on
         )
         if arguments.update:
             update = update_biases(calibration, recording, noise, log.name, gravity=gravity)
@@ -118,7 +107,7 @@ def run(arguments):
         if drift.drifted and not drift.bias_only:
             say("Other parameters drifted too and are unchanged: calibrate again.")
     if arguments.json:
-        origin = {"calibration": str(path), "log": str(log), "kind": kind, "noise": source}
+        origin = {"calibration": str(path), "log": str(log), "kind": session.kind, "noise": source}
         write_json(arguments.json, drift.to_dict() | origin | {"gravity": gravity})
     return DRIFTED if drift.drifted else 0
 
@@ -133,14 +122,14 @@ def read_noise(path):
 
 def lines(drift):
     """Return a Drift, the result of the test, as lines for people, a list."""
-    found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
+    text = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
-            found.append(f"{name}: not tested: {sensor.why}")
+            text.append(f"{name}: not tested: {sensor.why}")
             continue
         word = "DRIFTED" if sensor.drifted else "no drift"
         together = f"χ² {number(sensor.chi2)} of {sensor.dof}, {p_text(sensor.p_holm)}"
-        found.append(f"{name}: {word} ({plural(sensor.dof, 'parameter')} together: {together})")
+        text.append(f"{name}: {word} ({plural(sensor.dof, 'parameter')} together: {together})")
         rows = []
         for change in sensor.changes:
             display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
@@ -148,22 +137,22 @@ def lines(drift):
             moved = f"moved by {size} {display.unit}"
             sigmas = f"{number(abs(change.sigmas), 2)} σ", p_text(change.p_holm)
             rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
-        found += aligned(rows)
+        text += aligned(rows)
         for key, r in sensor.residuals.items():
             display = data_sheet(r["unit"])
             size, floor = (number(r[k] * display.factor) for k in ("rms", "floor"))
-            found.append(
+            text.append(
                 f"  {RESIDUALS[key]}, old calibration: {size} {display.unit}, {floor} expected"
             )
         if sensor.untested:
             # name an effect once, not each of its parameters
             names = dict.fromkeys(name.partition(".")[0] for name in sensor.untested)
-            found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
+            text.append(f"  not tested: {', '.join(names)}: {sensor.why}")
     if drift.bias_only:
-        found.append(
+        text.append(
             "Only biases moved, by more than --turn-on allows. --update writes the new biases."
         )
-    return found
+    return text
 
 
 def update_lines(updated, kept):
@@ -172,12 +161,12 @@ def update_lines(updated, kept):
     `updated` is the updated Calibration, and `kept` has the reason for each sensor whose bias stays
     as it was.
     """
-    found = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
+    text = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
         sensor = getattr(updated, name)
         new = (with_sigma(b, sensor.std[f"b{k}"]) for k, b in enumerate(sensor.b.tolist()))
-        found.append(f"{name}: bias now {', '.join(new)} {sensor.raw_unit.name}")
-    return sorted(found)
+        text.append(f"{name}: bias now {', '.join(new)} {sensor.raw_unit.name}")
+    return sorted(text)
 
 
 def _comment(change, sensor):

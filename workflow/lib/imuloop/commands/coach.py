@@ -21,10 +21,10 @@ import numpy as np
 from imuloop.calibrate.sessions import raw_units
 from imuloop.commands.lines import say
 from imuloop.commands.logs import Log, write_samples
-from imuloop.commands.options import add_arguments, between
+from imuloop.commands.options import add_keys, between
+from imuloop.config import known_figures
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.samples import read_samples
-from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.plan.coach import progress, rest_noise
 from imuloop.report.numbers import number
 
@@ -54,7 +54,7 @@ def add(command):
         metavar="S",
         help="end when the log has not grown for this time; default 60",
     )
-    add_arguments(command, str(STANDARD_GRAVITY))
+    add_keys(command)
 
 
 def run(arguments):
@@ -82,7 +82,7 @@ def follow(log, arguments, folder):
     `log` is the Log, and `folder` a folder for its samples. Returns the exit status.
     """
     size, said, noise, why = -1, None, None, ""
-    gravity = arguments.gravity or STANDARD_GRAVITY
+    gravity = known_figures(arguments.declared)["gravity"]
     say(f"gravity {gravity:.6g} m/s²")
     grown = time.monotonic()
     while True:
@@ -94,15 +94,15 @@ def follow(log, arguments, folder):
             if not why:
                 samples = read_samples(path)
                 units = raw_units({"": {"kind": "multi_position", "samples": path}})
-                found = progress(samples, gravity, units, noise, arguments.within / 100)
-                if found.done and noise is None:
+                state = progress(samples, gravity, units, noise, arguments.within / 100)
+                if state.done and noise is None:
                     # slow noise makes a session look worse than its samples do
                     noise = rest_noise(samples)
-                    found = progress(samples, gravity, units, noise, arguments.within / 100)
-                if (len(found.up), found.advice) != said:
-                    say(line(found))
-                    said = len(found.up), found.advice
-                if found.done:
+                    state = progress(samples, gravity, units, noise, arguments.within / 100)
+                if (len(state.up), state.advice) != said:
+                    say(line(state))
+                    said = len(state.up), state.advice
+                if state.done:
                     return 0
         elif time.monotonic() - grown > arguments.patience:
             if why:
@@ -112,11 +112,11 @@ def follow(log, arguments, folder):
         time.sleep(arguments.every)
 
 
-def line(found):
-    """Return `found`, a Progress, as a line for people."""
-    known = [f"{s} {number(100 * x, 2)} %" for s, x in found.worst.items() if np.isfinite(x)]
-    text = f"{found.duration_s / 60:.1f} min, {plural(len(found.up), 'pose')}"
-    text += f"; scale factor and misalignment good to: {', '.join(known)}" if known else ""
-    if found.done:
+def line(state):
+    """Return `state`, a Progress, as a line for people."""
+    errors = [f"{s} {number(100 * x, 2)} %" for s, x in state.worst.items() if np.isfinite(x)]
+    text = f"{state.duration_s / 60:.1f} min, {plural(len(state.up), 'pose')}"
+    text += f"; scale factor and misalignment good to: {', '.join(errors)}" if errors else ""
+    if state.done:
         return f"{text}. Done."
-    return f"{text}. Next: {found.advice}."
+    return f"{text}. Next: {state.advice}."

@@ -16,12 +16,11 @@ import pandas as pd
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.logs import LOG, Log, write_samples
-from imuloop.commands.options import add_arguments
+from imuloop.commands.logs import LOG, Log, metadata_of, write_samples
+from imuloop.commands.options import add_keys
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.samples import SENSORS, Samples, read_metadata
-from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
 from imuloop.report.data_tables import quality_figures
 from imuloop.report.effect_tables import constants_text, parameter_rows
@@ -34,20 +33,20 @@ from imuloop.result import verdict_lines
 def add(command):
     """Add the arguments of the command."""
     command.add_argument("file", type=Log.parse, metavar="FILE", help=f"a result, or a log: {LOG}")
-    add_arguments(command)
+    add_keys(command)
 
 
 def run(arguments):
     """Print the content of a file; return 1 for a log that is rejected."""
     # a log of two files cannot be a result
     path = arguments.file.files.get("log", Path())
-    suffix = path.suffix if path.is_file() else ""
-    if suffix == ".json" and not holds_log(path):
+    metadata = metadata_of(path)
+    if path.suffix == ".json" and path.is_file() and not holds_log(path):
         say(*result_lines(path))
-    elif suffix == ".parquet" and not no_log(path) and read_metadata(path).get("calibrated"):
-        device, table = read_metadata(path).get("device"), Samples(path)
+    elif metadata.get("calibrated"):
+        table = Samples(path)
         count = plural(len(table), "sample")
-        say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
+        say(f"calibrated samples of {metadata['device']}: {count}, {', '.join(table.names)}")
     else:
         lines, rejected = log_lines(arguments.file, arguments.declared)
         say(*lines)
@@ -86,15 +85,15 @@ def calibration_lines(calibration):
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
     for sensor in SENSORS:
-        own = getattr(calibration, sensor)
-        lines.append(f"{sensor}: raw unit {own.raw_unit.name}")
-        lines += [f"  not determined: {own.not_testable}"] if own.not_testable else []
+        fit = getattr(calibration, sensor)
+        lines.append(f"{sensor}: raw unit {fit.raw_unit.name}")
+        lines += [f"  not determined: {fit.not_testable}"] if fit.not_testable else []
         tables = parameter_table(device, sensor), misalignment_table(device, sensor)
         for table in filter(None, tables):
             lines += [f"  {table.caption}", *aligned([table.columns, *table.rows], indent=4)]
         if sensor in calibration.updated:
             lines.append(f"  bias of a later log: {calibration.updated[sensor]}")
-        for effect in own.effects:
+        for effect in fit.effects:
             content = effect.to_dict()
             shape = constants_text(content["constants"])
             lines.append(f"  effect {effect.name}{f' ({shape})' if shape else ''}")
@@ -125,8 +124,8 @@ def quality_lines(content):
     rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
     lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
     # a rejected log has no ranges
-    known = {name: span for name, span in (content.get("range") or {}).items() if span}
-    lines += [f"  {name}  {low:.6g} to {high:.6g}" for name, (low, high) in known.items()]
+    spans = {name: span for name, span in (content.get("range") or {}).items() if span}
+    lines += [f"  {name}  {low:.6g} to {high:.6g}" for name, (low, high) in spans.items()]
     lines += [f"rejected: {reason}" for reason in content["reasons"]]
     return [*lines, *(f"warning: {warning}" for warning in content["warnings"])]
 

@@ -6,13 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from imuloop import chain
 from imuloop.config import OF_LOGS, known_figures, merge
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.ingest.formats import PAIR, guess_format, no_log
-from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.json_lines import holds_log
+from imuloop.noise.records import RecordedSession
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.sensors import PARTS
@@ -58,15 +59,20 @@ class Log:
     def samples_path(self):
         """Return the path of the log if it is a samples.parquet of ingest, else None."""
         path = self.files.get("log", Path())
-        if path.suffix != ".parquet" or not path.is_file() or no_log(path):
-            return None
-        with suppress(ValueError, OSError):
-            return path if "raw_units" in read_metadata(path) else None
+        return path if "raw_units" in metadata_of(path) else None
 
     def refuse_rejected(self, quality):
         """Raise an ImuloopError with the reasons if ingest rejected the log."""
         if quality.get("status") == "rejected":
             raise ImuloopError(f"{self}: rejected: {'; '.join(quality['reasons'])}")
+
+
+def metadata_of(path):
+    """Return the metadata that imuloop wrote into a Parquet file; empty for another file."""
+    if path.suffix == ".parquet" and path.is_file() and not no_log(path):
+        with suppress(ValueError, OSError):
+            return read_metadata(path)
+    return {}
 
 
 def refuse_swapped(calibration, log):
@@ -86,37 +92,33 @@ def write_samples(log, declared, folder, calibration=None):
     if path := log.samples_path():
         beside = path.with_name("quality.json")
         return path, read_json(beside) if beside.is_file() else {}
-    samples, quality = folder / "samples.parquet", folder / "quality.json"
-    known, figures = calibration.log if calibration else {}, known_figures(declared)
+    log_keys, figures = calibration.log if calibration else {}, known_figures(declared)
     parts = PARTS.items() if calibration else ()
     raw = {quantity: getattr(calibration, sensor).raw_unit for quantity, sensor in parts}
     counts = {quantity: {"scale": u.scale, "offset": u.offset} for quantity, u in raw.items()}
     # a log without declared units is in SI, and increments declare theirs
     units = {"units": {quantity: unit.name for quantity, unit in raw.items() if unit.scale != 1}}
+    device = chain.Device(
+        calibration.device if calibration else "log",
+        folder,
+        # the motion of the device is not known
+        {log.name: None},
+        gravity=figures["gravity"],
+        nominal=merge(counts, figures["nominal"]),
+        full_scale=log_keys.get("full_scale", {}) | figures["full_scale"],
+    )
+    files = device.sessions[log.name]
 
     def read(layout):
         """Ingest the log with the declaration `layout`; return samples path and quality."""
         keys = merge(merge(units, layout), declared)
-        ingest(
-            device=calibration.device if calibration else "log",
-            session=log.name,
-            # the motion of the device is not known
-            kind=None,
-            paths=log.paths,
-            samples_path=samples,
-            quality_path=quality,
-            declared=Declared(
-                nominal=merge(counts, figures["nominal"]),
-                full_scale=known.get("full_scale", {}) | figures["full_scale"],
-                **{key: keys[key] for key in OF_LOGS if key in keys},
-            ),
-        )
-        return samples, read_json(quality)
+        chain.ingest(device, log.name, {key: keys.get(key) for key in OF_LOGS}, log.paths)
+        return files["samples"], read_json(files["quality"])
 
     # a log without the columns of the calibration's log is read without its declaration
     with suppress(ImuloopError):
-        if known and known.get("format") in (None, guess_format(log.files)):
-            return read(known)
+        if log_keys and log_keys.get("format") in (None, guess_format(log.files)):
+            return read(log_keys)
     return read({})
 
 
@@ -128,8 +130,8 @@ def read_log(log, declared, calibration=None):
         return read_samples(path), read_metadata(path), quality
 
 
-def find_segments(samples, metadata, kind):
-    """Return the segments of a log, taken as a session of this `kind`, and its number of poses."""
+def recorded(log, samples, metadata, kind):
+    """Return a Log as a RecordedSession of this `kind`, and the number of its poses."""
     faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
     segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)
-    return segments, figures["poses"]
+    return RecordedSession(log.name, kind, samples, segments), figures["poses"]

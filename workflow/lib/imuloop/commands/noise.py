@@ -15,12 +15,11 @@ import pandas as pd
 
 from imuloop.commands.info import noise_lines
 from imuloop.commands.lines import say
-from imuloop.commands.logs import LOG, Log, find_segments, read_log
-from imuloop.commands.options import add_arguments
+from imuloop.commands.logs import LOG, Log, read_log, recorded
+from imuloop.commands.options import add_keys
 from imuloop.config import known_figures
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import make_folder, refuse_overwriting
-from imuloop.core.segments import MOTION
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
 from imuloop.export.values import Exported, reasons, values
@@ -28,7 +27,6 @@ from imuloop.model.calibration import Calibration
 from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 
 # formats that need nothing else are written without a calibration; the file of OpenVINS also has
@@ -40,7 +38,7 @@ def add(command):
     """Add the arguments of the command."""
     command.add_argument("log", type=Log.parse, help=LOG)
     command.add_argument("-o", "--output", type=Path, help="folder of the results")
-    add_arguments(command)
+    add_keys(command)
 
 
 def run(arguments):
@@ -49,12 +47,11 @@ def run(arguments):
     if folder:
         refuse_overwriting([folder], log.paths)
     samples, metadata, quality = read_log(log, arguments.declared)
-    kind, (segments, _) = "static", find_segments(samples, metadata, "static")
-    if MOTION not in set(segments["kind"]):
-        posed, poses = find_segments(samples, metadata, "multi_position")
-        if poses > 1:
-            kind, segments = "multi_position", posed
-    session = RecordedSession(log.name, kind, samples, segments)
+    session, _ = recorded(log, samples, metadata, "static")
+    if session.static:
+        # a log with several poses has its rests searched for, too
+        posed, poses = recorded(log, samples, metadata, "multi_position")
+        session = posed if poses > 1 else session
     estimate = estimate_noise(log.name, [session], NoiseSettings(), views=False)
     if estimate.rate_hz is None:
         raise ImuloopError(f"{log}: {'; '.join(estimate.notes)}")

@@ -12,9 +12,9 @@ from importlib import import_module
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
-from imuloop.commands.options import declared_keys, expand_shorthands
+from imuloop.commands.options import take_keys
 from imuloop.core.errors import ImuloopError, one_line
-from imuloop.declaration import check_declared, gravity_of
+from imuloop.declaration import check_declared
 from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
 # each is a module of imuloop.commands
@@ -61,10 +61,8 @@ def run(argv=None):
     status = 0
     try:
         try:
-            arguments = _parse(parser, argv)
             with read_in(COMMAND_LINE):
-                _check_keys(parser, arguments)
-                status = _status(arguments)
+                status = _status(_parse(parser, argv))
         finally:
             # a closed pipe shows here, not when Python ends; -h leaves by SystemExit
             sys.stdout.flush()
@@ -75,22 +73,15 @@ def run(argv=None):
 
 
 def _parse(parser, argv):
-    """Return the parsed arguments of the words `argv`; end with 2 if a shorthand is wrong."""
+    """Return the arguments of a command, with the `declared` keys; end with 2 for a wrong one."""
     try:
-        return parser.parse_args(expand_shorthands(argv))
-    except ImuloopError as error:
+        # the other commands read a log
+        declared, words = ({}, argv) if argv[:1] == ["sensors"] else take_keys(argv)
+        arguments = parser.parse_args(words)
+        arguments.declared = check_declared(declared)
+    except (ImuloopError, ModuleNotFoundError) as error:
         parser.error(str(error))
-
-
-def _check_keys(parser, arguments):
-    """Add the declared keys, and gravity or None, to the arguments; end with 2 for a wrong key."""
-    try:
-        arguments.declared = declared_keys(arguments)
-        gravity = arguments.declared.pop("gravity", None)
-        arguments.gravity = None if gravity is None else gravity_of(gravity)
-        check_declared(arguments.declared)
-    except ImuloopError as error:
-        parser.error(str(error))
+    return arguments
 
 
 def _status(arguments):

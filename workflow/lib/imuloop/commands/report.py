@@ -10,10 +10,9 @@ settings, or to repeat only stages that have changed, write a config and use the
 
 import shlex
 import sys
-import tempfile
 from pathlib import Path
 
-from imuloop.commands.calibrate import add_logs, calibrated, refuse_failures, results_folder
+from imuloop.commands.calibrate import add_logs, calibrated, refuse_failures, refuse_paths
 from imuloop.commands.lines import say
 
 
@@ -35,13 +34,12 @@ def run(arguments):
     # loads matplotlib
     from imuloop.report.report import verdict_lines
 
-    page = arguments.output
-    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        folder = results_folder(arguments.keep or Path(folder), "--keep", arguments, [page])
-        result = calibrated(arguments, folder)
-        say(*result.notes, f"gravity {result.device.gravity:.6g} m/s²")
-        command = f"imuloop report {shlex.join(sys.argv[2:])}"
-        result.report(page, command, linked=bool(arguments.keep))
-        say(*verdict_lines([result.device.folder]))
-    say(f"wrote {page}")
+    page, folder = arguments.output, arguments.keep
+    refuse_paths(arguments, folder, page)
+    result = calibrated(arguments)
+    say(*result.notes, f"gravity {result.device.gravity:.6g} m/s²")
+    result.report(page, f"imuloop report {shlex.join(sys.argv[2:])}", folder)
+    if folder:
+        result.save(folder)
+    say(*verdict_lines([result.device.folder]), f"wrote {page}")
     refuse_failures(result)

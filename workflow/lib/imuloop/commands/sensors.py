@@ -24,9 +24,9 @@ def run(arguments):
 def listing_line(name):
     """Return one line of text for a sensor: key, manufacturer, kind of evidence and ranges."""
     sheet = find_sensor(name)
-    both = [each for each in (sheet.accelerometer, sheet.gyroscope) if each]
-    ranges = ["/".join(r.name.partition(" ")[0] for r in each.ranges) for each in both]
-    units = [each.ranges[0].name.partition(" ")[2] for each in both]
+    both = [figures for figures in (sheet.accelerometer, sheet.gyroscope) if figures]
+    ranges = ["/".join(r.name.partition(" ")[0] for r in figures.ranges) for figures in both]
+    units = [figures.ranges[0].name.partition(" ")[2] for figures in both]
     spans = ", ".join(map(" ".join, zip(ranges, units, strict=True)))
     return f"{sheet.key:<12}{sheet.manufacturer:<20}{both[0].evidence:<12}{spans}"
 
@@ -41,8 +41,8 @@ def sheet_lines(sheet):
         white, std = QUANTITIES[sensor]["N"], figures.tolerance
         lines.append(f"{sensor}: {figures.evidence}, {figures.source}")
         rows = [("range", f"{si} per count", f"white noise, {white.unit}")]
-        for each in figures.ranges:
-            rows.append((each.name, f"{each.scale:.6g}", white.size(each.noise_density)))
+        for option in figures.ranges:
+            rows.append((option.name, f"{option.scale:.6g}", white.size(option.noise_density)))
         lines += aligned(rows)
         prior = (
             f"scale factor {PERCENT.text(std.scale_factor)}",

@@ -49,19 +49,19 @@ def joined(words):
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def did_you_mean(name, known, cutoff=0.6):
-    """Return the end of a message that names the one of the `known` names nearest to `name`.
+def did_you_mean(name, names, cutoff=0.6):
+    """Return the end of a message that names the one of `names` nearest to `name`.
 
-    The result is empty if no known name has at least the similarity `cutoff`, 0 to 1, as `difflib`
+    The result is empty if no name has at least the similarity `cutoff`, 0 to 1, as `difflib`
     computes it.
     """
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    near = difflib.get_close_matches(name, list(names), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-def nearest(name, known, cutoff=0.6):
-    """Return the end of a message that names the `known` name nearest to `name`, or all of them.
+def nearest(name, names, cutoff=0.6):
+    """Return the end of a message that names the one of `names` nearest to `name`, or all of them.
 
     All are named if none has at least the similarity `cutoff`, 0 to 1, as `difflib` computes it.
     """
-    return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"
+    return did_you_mean(name, names, cutoff) or f"; use one of {', '.join(names)}"

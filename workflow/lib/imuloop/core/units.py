@@ -83,6 +83,6 @@ def raw_unit(quantity, name, nominal=None):
     if name in INCREMENTS[quantity]:
         return RawUnit(_SI[quantity], 1.0)
     if name not in FACTORS[quantity]:
-        known = ", ".join([*FACTORS[quantity], "count", *INCREMENTS[quantity]])
-        raise ImuloopError(f"'{name}' is not a unit of {quantity}; use one of {known}")
+        names = ", ".join([*FACTORS[quantity], "count", *INCREMENTS[quantity]])
+        raise ImuloopError(f"'{name}' is not a unit of {quantity}; use one of {names}")
     return RawUnit(name, FACTORS[quantity][name])

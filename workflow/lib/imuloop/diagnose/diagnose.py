@@ -129,8 +129,8 @@ def diagnose_device(
             dict(zip(keys, (names[session], *values), strict=True)) for session, *values in left_out
         ]
     for sensor, by_record in by_sensor.items():
-        judged = judge_calibration(getattr(calibration, sensor), sensor, by_record, data.kinds)
-        calibration = replace(calibration, **{sensor: judged})
+        fit = judge_calibration(getattr(calibration, sensor), sensor, by_record, data.kinds)
+        calibration = replace(calibration, **{sensor: fit})
     residuals = poses.residuals | motion.residuals
     tables = {"poses": poses_table(recording.poses, names, residuals), "reference": windows}
     if method != "six_position":

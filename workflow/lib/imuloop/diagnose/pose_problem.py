@@ -89,7 +89,7 @@ class PoseProblem:
         x are the p parameters of a fit. The first rows are the prior of the base model; the other
         rows hold the knowledge from static records about the parameters of `effects`.
         """
-        (R_base, z_base), (R_by_effect, z) = self.joint_fit.known, self.static_rows
+        (R_base, z_base), (R_by_effect, z) = self.joint_fit.prior_rows, self.static_rows
         R = [R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
         R = np.hstack([np.zeros((len(z), 0)), *R])
         return block_diag(R_base, R), np.append(z_base, z)

@@ -43,7 +43,7 @@ class JointFit:
     prior : Prior or None
         The distribution of x before the data, by the data sheet or the device family. The prior is
         written into the calibrations.
-    known : (ndarray, ndarray)
+    prior_rows : (ndarray, ndarray)
         Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
         independent components of variance one. These rows include `prior` and the turns by known
         angles.
@@ -56,7 +56,7 @@ class JointFit:
     units: dict
     start: np.ndarray
     prior: Prior | None = None
-    known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
+    prior_rows: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
     # taken from `factors`: names of the estimated sensors; kinds of residuals that count; and a
@@ -174,7 +174,7 @@ class JointFit:
         p = COUNT + sum(len(e.parameters) for e in effects)
         # effects that the start lacks start at zero, and the prior does not depend on them
         x, sizes = np.append(x, np.zeros(p - len(x))), None
-        R, z = self.known if prior is None else prior
+        R, z = self.prior_rows if prior is None else prior
         R = np.pad(R, ((0, 0), (0, p - R.shape[1])))
         # the weights and the derivatives of the effects depend on the calibrated output, which is
         # known to about 1 % at the start: so the fit is repeated twice at most, or once if it

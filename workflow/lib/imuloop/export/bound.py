@@ -39,9 +39,9 @@ def bounding(noise):
     """
     tau = np.geomspace(SHORTEST, LONGEST, POINTS)
     curve = replace(noise, sinusoid=()).allan_variance(tau)
-    own = np.array([noise.N.size, noise.K.size])
+    coefficients = np.array([noise.N.size, noise.K.size])
     units = np.column_stack([1 / tau, tau / 3])
-    excess = curve - units @ own**2
+    excess = curve - units @ coefficients**2
     above = excess > ROUNDING * curve
     if not above.any():
         return noise.N.size, noise.K.size
@@ -55,4 +55,4 @@ def bounding(noise):
     added = linprog(cost / cost.max(), -rows / size, -np.ones(len(rows))).x / size
     # the solution may violate the bound within the solver's tolerance: scale it onto the bound
     added /= (rows @ added).min()
-    return tuple(np.where(added > 0, np.sqrt(own**2 + added), own).tolist())
+    return tuple(np.where(added > 0, np.sqrt(coefficients**2 + added), coefficients).tolist())

@@ -34,7 +34,7 @@ def subtracted(sensor):
 
 def _effect(fitted):
     """Return for each parameter of a FittedEffect the index of its axis and a C expression."""
-    found = []
+    terms = []
     if fitted.name == Product.name:
         return [_product(fitted)]
     for k, name in enumerate(fitted.effect.parameters):
@@ -48,8 +48,8 @@ def _effect(fitted):
             factors = [_clamped(fitted, f"c1{AXES[axis]}", _warmer(fitted))] * (row + 1)
         else:
             factors = [_clamped(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
-        found.append((axis, " * ".join([number(fitted.values[name]), *factors])))
-    return found
+        terms.append((axis, " * ".join([number(fitted.values[name]), *factors])))
+    return terms
 
 
 def _product(fitted):

@@ -54,9 +54,11 @@ def estimated(noise, axis, term):
 
 def for_filter(noise, axis, term):
     """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan curve."""
-    own = estimated(noise, axis, term)
+    density = estimated(noise, axis, term)
     value = dict(zip("NK", bounding(noise), strict=True))[term]
-    return own if value == own.value else replace(own, value=value, raised_from=own.value)
+    if value == density.value:
+        return density
+    return replace(density, value=value, raised_from=density.value)
 
 
 def of_calibrated(sensor, densities):
@@ -76,8 +78,8 @@ def of_calibrated(sensor, densities):
         return np.sqrt(M**2 @ np.square(values)).tolist()
 
     values = through([d.value for d in densities])
-    own = through([d.value if d.raised_from is None else d.raised_from for d in densities])
+    filtered = through([d.value if d.raised_from is None else d.raised_from for d in densities])
     return [
         replace(d, value=value, raised_from=d.raised_from and bare)
-        for d, value, bare in zip(densities, values, own, strict=True)
+        for d, value, bare in zip(densities, values, filtered, strict=True)
     ]

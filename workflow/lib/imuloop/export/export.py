@@ -54,7 +54,7 @@ FORMATS = tuple(
 @cache
 def environment():
     """Return the jinja2 environment of the templates, in which a missing value is an error."""
-    found = Environment(
+    jinja = Environment(
         loader=PackageLoader("imuloop", "templates/export"),
         undefined=StrictUndefined,
         finalize=text.written,
@@ -62,9 +62,9 @@ def environment():
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.globals |= {"formulas": formulas, "c": c_code, "np": np, "zip": zip}
-    found.filters |= {name: getattr(text, name) for name in text.FILTERS}
-    return found
+    jinja.globals |= {"formulas": formulas, "c": c_code, "np": np, "zip": zip}
+    jinja.filters |= {name: getattr(text, name) for name in text.FILTERS}
+    return jinja
 
 
 def render(file, content):
@@ -72,31 +72,30 @@ def render(file, content):
     return environment().get_template(f"{file}.j2").render(content)
 
 
-def read_exported(device, label, calibration, noise, quality, diagnosis=None):
-    """Return the `Exported` of a device, given the paths of its JSON files.
+def read_exported(device):
+    """Return the `Exported` of a `chain.Device`, from its result files.
 
-    `calibration`, `noise` and `diagnosis` are paths of its result files, and `quality` has the
-    paths of quality.json of its sessions. The latter give the temperatures, and the sampling rate
-    if noise.json lacks it. diagnosis.json gives time offset and lever arm relative to a reference.
-    `label` is the name to show.
+    The quality of its sessions gives the temperatures, and the sampling rate if noise.json lacks
+    it. diagnosis.json gives time offset and lever arm relative to a reference.
     """
-    content, found = read_json(noise), Calibration.from_json(calibration)
+    content = read_json(device.file("noise.json"))
+    fit = Calibration.from_json(device.file("calibration.json"))
     # if noise.json has no rates, it is not known which sensors the logs hold
-    held = content.get("rates_hz") or SENSORS
-    used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
-    reference = reference_parameters(read_json(diagnosis), used) if diagnosis else {}
-    longest = max(used, key=lambda each: each["rows"], default={})
-    spans = [span for each in used if (span := each["temperature_range"])]
+    rates = content.get("rates_hz") or SENSORS
+    qualities = [read_json(files["quality"]) for files in device.sessions.values()]
+    used = [quality for quality in qualities if quality["status"] == "ok"]
+    longest = max(used, key=lambda quality: quality["rows"], default={})
+    spans = [span for quality in used if (span := quality["temperature_range"])]
     return Exported(
-        device,
-        label,
-        found,
+        device.name,
+        device.label or device.name,
+        fit,
         NoiseModel.from_dict(content),
         content["rate_hz"] or longest.get("rate_hz"),
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
-        reference,
-        tuple(s for s in SENSORS if s in held or getattr(found, s).measured),
+        reference_parameters(read_json(device.file("diagnosis.json")), used),
+        tuple(s for s in SENSORS if s in rates or getattr(fit, s).measured),
     )
 
 
@@ -107,7 +106,7 @@ def reference_parameters(diagnosis, qualities):
     each session. The time offset is left out if the reference has a clock of its own, as the next
     recording has another offset.
     """
-    own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in qualities)
+    own_clock = any(q.get("reference", {}).get("clock", {}).get("own") for q in qualities)
     return {
         (sensor, effect["name"]): effect["parameters"]
         for sensor, parts in diagnosis["sensors"].items()
@@ -119,12 +118,12 @@ def reference_parameters(diagnosis, qualities):
 def export_files(exported):
     """Return a dict with the text of each file by name; README.txt lists missing files and why."""
     files, written, left_out = {}, [], []
-    for each in FORMATS:
+    for form in FORMATS:
         try:
-            files[each.file] = each.text(exported)
-            written.append(f"{each.file}: {each.title}")
+            files[form.file] = form.text(exported)
+            written.append(f"{form.file}: {form.title}")
         except Lacking as reason:
-            left_out.append(f"{each.file} ({each.title}): {reason}")
+            left_out.append(f"{form.file} ({form.title}): {reason}")
     files[README] = render(README, values(exported) | {"written": written, "left_out": left_out})
     return files
 
@@ -146,4 +145,4 @@ def write_exports(folder, files):
 def listed(path):
     """Return the file name and the tool of each export in the list ``exports.json`` at `path`."""
     names = read_json(path)["sha256"]
-    return [(each.file, each.title) for each in FORMATS if each.file in names]
+    return [(form.file, form.title) for form in FORMATS if form.file in names]

@@ -47,20 +47,20 @@ def reasons(exported):
     ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. If the logs lack a sensor,
     its noise is not needed.
     """
-    calibration, found = exported.calibration, {}
+    calibration, by_part = exported.calibration, {}
     if not calibration.measured:
-        found["calibration"] = f"no calibration; {'; '.join(calibration.limits())}"
+        by_part["calibration"] = f"no calibration; {'; '.join(calibration.limits())}"
     for name in SENSORS:
         sensor = exported.sensor(name)
         if not sensor.measured:
-            found[name] = f"no calibration ({sensor.not_testable})"
+            by_part[name] = f"no calibration ({sensor.not_testable})"
     if not exported.rate_hz:
-        found["rate"] = "the rate of the logs is not known: no session could be used"
+        by_part["rate"] = "the rate of the logs is not known: no session could be used"
     for axis in [a for sensor in exported.sensors for a in SENSORS[sensor]][::-1]:
         noise = exported.noise.axes[axis]
         for term in (term for term in "NKB" if getattr(noise, term).size is None):
-            found[term] = f"no noise: {term} of {axis} is neither known nor limited"
-    return found
+            by_part[term] = f"no noise: {term} of {axis} is neither known nor limited"
+    return by_part
 
 
 def values(exported):
@@ -105,7 +105,7 @@ def sensor_values(exported, name):
     effects = {key: [e for e in sensor.effects if e.name == key] for key in (BIAS, G)}
     of_force = sum((e.vector.reshape(3, 3) for e in effects[G]), np.zeros((3, 3)))
     spans = [temperature_range(e) or exported.temperature_range for e in effects[BIAS]]
-    found = {
+    content = {
         "name": name,
         "unit": units["B"],
         "units": units,
@@ -123,7 +123,7 @@ def sensor_values(exported, name):
         "temperatures": common(spans),
         "seen": {key: [s for e in effects[key] if (s := seen_words(e))] for key in (BIAS, G)},
     }
-    return found | noise_values(sensor, {axis: exported.noise.axes[axis] for axis in axes})
+    return content | noise_values(sensor, {axis: exported.noise.axes[axis] for axis in axes})
 
 
 def noise_values(sensor, noise):
@@ -133,15 +133,15 @@ def noise_values(sensor, noise):
     result has the keys ``logged``, ``calibrated``, ``worst`` and ``worst_logged``, each a dict by
     the letter of the coefficient; ``worst`` and ``worst_logged`` have N and K alone.
     """
-    known = [t for t in "NKB" if all(getattr(own, t).size is not None for own in noise.values())]
-    both = "NK" if {*"NK"} <= {*known} else ""
-    logged = {t: [estimated(own, axis, t) for axis, own in noise.items()] for t in known}
-    needed = {t: [for_filter(own, axis, t) for axis, own in noise.items()] for t in both}
+    terms = [t for t in "NKB" if all(getattr(fit, t).size is not None for fit in noise.values())]
+    both = "NK" if {*"NK"} <= {*terms} else ""
+    logged = {t: [estimated(fit, axis, t) for axis, fit in noise.items()] for t in terms}
+    needed = {t: [for_filter(fit, axis, t) for axis, fit in noise.items()] for t in both}
     return {
         "logged": logged,
-        "calibrated": {t: of_calibrated(sensor, found) for t, found in logged.items()},
-        "worst": {t: max(of_calibrated(sensor, found), key=VALUE) for t, found in needed.items()},
-        "worst_logged": {t: max(found, key=VALUE) for t, found in needed.items()},
+        "calibrated": {t: of_calibrated(sensor, axes) for t, axes in logged.items()},
+        "worst": {t: max(of_calibrated(sensor, axes), key=VALUE) for t, axes in needed.items()},
+        "worst_logged": {t: max(axes, key=VALUE) for t, axes in needed.items()},
     }
 
 
@@ -179,8 +179,8 @@ def seen_range(fitted, names, offset=0.0):
     known. It is None if no range is known, or if the intersection is empty. `fitted` is a
     FittedEffect, and `offset` is added to both ends.
     """
-    found = common([fitted.ranges[name] for name in names if name in fitted.ranges])
-    return found and (offset + found[0], offset + found[1])
+    span = common([fitted.ranges[name] for name in names if name in fitted.ranges])
+    return span and (offset + span[0], offset + span[1])
 
 
 def temperature_range(fitted):
@@ -196,8 +196,8 @@ def seen_words(fitted):
     if fitted.name == BIAS:
         span = temperature_range(fitted)
         return span and f"{BIAS} was seen from {span[0]:g} to {span[1]:g} degC"
-    known = []
+    ranges = []
     for j, axis in enumerate(AXES):
         if force := seen_range(fitted, [f"G{i}{j}" for i in range(3)]):
-            known.append(f"f_{axis} from {force[0]:g} to {force[1]:g}")
-    return f"{G} was seen with {', '.join(known)} m/s^2" if known else None
+            ranges.append(f"f_{axis} from {force[0]:g} to {force[1]:g}")
+    return f"{G} was seen with {', '.join(ranges)} m/s^2" if ranges else None

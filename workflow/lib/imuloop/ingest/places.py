@@ -30,7 +30,7 @@ _KEY = re.compile(
     rf"|rate(?= in Hz|: \d))(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
 # a key by itself
-_ALONE = re.compile(r"(?:rate|format|sensor|range|columns|units|nominal)(?:\.\w+)*")
+_ALONE = re.compile(r"(?:rate|format|sensor|range|columns|units|nominal|gravity)(?:\.\w+)*")
 # keys that only a config has
 _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 

@@ -147,8 +147,9 @@ def cause(e, quantity):
     words = ratio.nearest(readings(e, quantity))
     levels = [(e.figures["quantisation_step"][name] or 0) / unit.scale for name in ACCELERATION]
     if not words and unit.name in ("m/s^2", "g") and np.allclose(levels, 1, 1e-6):
-        words = f"whole numbers that look like counts; declare units.{quantity}: count, and "
-        words += f"nominal.{quantity}.scale; see units.angular_rate too"
+        scale = "" if e.declared.nominal.get(quantity) else f", and nominal.{quantity}.scale"
+        words = f"whole numbers that look like counts; declare units.{quantity}: count{scale}"
+        words += "; see units.angular_rate too"
     return words and f"{ratio.words}: {words}"
 
 

@@ -225,9 +225,9 @@ def find_effect(name):
     Raises an ImuloopError if the library has none.
     """
     if name not in Effect.library:
-        known = ", ".join(sorted(Effect.library)) or "none is loaded"
+        names = ", ".join(sorted(Effect.library)) or "none is loaded"
         hint = did_you_mean(name, Effect.library)
-        raise ImuloopError(f"'{name}' is not an effect of the library{hint}; known: {known}")
+        raise ImuloopError(f"'{name}' is not an effect of the library{hint}; known: {names}")
     return Effect.library[name]
 
 

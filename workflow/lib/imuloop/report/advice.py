@@ -112,9 +112,9 @@ def _tilted_rests(device):
 
 def _missing(device):
     """Yield the step against each residual above its floor, and against too low a sampling rate."""
-    found = blocks(device.diagnosis)
-    above = [b for b in found if b["verdict"] in ABOVE]
-    for b in found:
+    diagnoses = blocks(device.diagnosis)
+    above = [b for b in diagnoses if b["verdict"] in ABOVE]
+    for b in diagnoses:
         if (lost := b["undersampled"]) and (b["sensor"], b["part"]) == ("gyroscope", "poses"):
             yield (
                 1 - lost["others"] / np.hypot(lost["error"], lost["others"]),
@@ -174,7 +174,7 @@ def _hole(device):
 
 def _heat_and_cool(device):
     """Yield the step to heat and cool, if temperature only rose or only fell in each session."""
-    found = []
+    swings = []
     for session in device.used:
         if TEMPERATURE not in session.samples:
             continue
@@ -188,9 +188,9 @@ def _heat_and_cool(device):
             return
         low, high = np.quantile(warmth[rows], [0.005, 0.995])
         span = np.ptp(warmth[rows])
-        found.append((span, {"session": session.name, "r": r, "low": low, "high": high}))
-    if found:
-        _, numbers = max(found, key=lambda f: f[0])
+        swings.append((span, {"session": session.name, "r": r, "low": low, "high": high}))
+    if swings:
+        _, numbers = max(swings, key=lambda f: f[0])
         yield 1 - np.sqrt(max(1 - numbers["r"] ** 2, 1e-6)), "heat_and_cool", numbers
 
 

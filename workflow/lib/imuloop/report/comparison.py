@@ -34,8 +34,8 @@ def summarise(device):
     ``card`` are texts of `findings`; ``loop`` has the errors of `loop_errors`; ``verdicts`` has the
     verdict by sensor and kind of data; ``calibrated`` says whether there is a calibration to use.
     """
-    found, final = blocks(device.diagnosis), device.calibrations.get("final")
-    loop = loop_errors(device, found) if device.calibrations else []
+    diagnoses, final = blocks(device.diagnosis), device.calibrations.get("final")
+    loop = loop_errors(device, diagnoses) if device.calibrations else []
     record = next(iter(longest_curve_first(device.used)), None)
     rejected = [s for s in device.sessions if s.rejected]
     values = [v for v in long_table(device) if v.unit and v.stage in COMPARED]
@@ -47,11 +47,11 @@ def summarise(device):
         "status": "ok" if device.used else "rejected",
         "rejected": [{"session": s.name, "kind": s.kind, "reasons": s.reasons} for s in rejected],
         "verdicts": {
-            name: {b["part"]: b["verdict"] for b in found if b["sensor"] in (name, BOTH)}
+            name: {b["part"]: b["verdict"] for b in diagnoses if b["sensor"] in (name, BOTH)}
             for name in SENSORS
         },
-        "answers": answers(found),
-        "card": card(found, loop, final) | {"next": next_step(device)},
+        "answers": answers(diagnoses),
+        "card": card(diagnoses, loop, final) | {"next": next_step(device)},
         "calibrated": bool(final and final.measured),
         "loop": loop,
         "values": list(map(asdict, values)),
@@ -143,13 +143,13 @@ def pivot(summary, sensor):
     sheet. A row that is absent is None. The result is a dict by quantity.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
-    found = {}
+    quantities = {}
     for quantity in ("residual", *columns(sensor)):
         kept = select(rows, quantity=quantity)
         marks = (worst(select(kept, stage=s))[0] for s in ("logged", "floor", "prior"))
         final = select(kept, stage="after") or select(kept, stage="final")
-        found[quantity] = (*worst(final or select(kept, stage="logged")), *marks)
-    return found
+        quantities[quantity] = (*worst(final or select(kept, stage="logged")), *marks)
+    return quantities
 
 
 def cells(summary, sensor):
@@ -182,7 +182,7 @@ def _cell(largest, limit, logged, floor, prior, display):
 def verdict_rank(verdicts):
     """Return the number by which to sort verdicts: poses count first, then other data."""
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
-    return sum(10**k * each for k, each in enumerate(reversed(order)))
+    return sum(10**k * place for k, place in enumerate(reversed(order)))
 
 
 def filter_cells(summary):
@@ -246,7 +246,7 @@ def _row(summary):
         for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS.values())):
             for axis in axes:
                 keys = {"sensor": sensor, "stage": "final", "quantity": name, "axis": axis}
-                found = next(iter(select(final, **keys)), None)
-                row[f"{sensor}_{name}_{axis} [{units[name]}]"] = found and found.value
-                row[f"{sensor}_{name}_{axis}_std [{units[name]}]"] = found and found.std
+                value = next(iter(select(final, **keys)), None)
+                row[f"{sensor}_{name}_{axis} [{units[name]}]"] = value and value.value
+                row[f"{sensor}_{name}_{axis}_std [{units[name]}]"] = value and value.std
     return row

@@ -56,29 +56,29 @@ def quality_figures(q):
     }
 
 
-def _faults(found):
+def _faults(quality):
     """Return the faults of values as text, by name and unit; ingest leaves them in the samples."""
 
     def rows(key):
         """Return the rows of a fault by channel as text."""
-        return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
+        return text_of({k: v["rows"] for k, v in quality.get(key, {}).items()})
 
-    held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
-    rests = found.get("rests") or {}
+    repeats = {sensor: n for sensor, n in (quality.get("rows_a_value") or {}).items() if n > 1}
+    rests = quality.get("rests") or {}
     figures = {
-        "Zero on all axes, rows": text_of(found.get("zero_rows")),
+        "Zero on all axes, rows": text_of(quality.get("zero_rows")),
         "Stuck at one value, rows": rows("stuck"),
-        "Without noise at rest": text_of(found.get("silent_at_rest")),
-        "Spikes of one sample, not removed": text_of(found.get("spikes")),
+        "Without noise at rest": text_of(quality.get("silent_at_rest")),
+        "Spikes of one sample, not removed": text_of(quality.get("spikes")),
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
-        "Rows per new value": text_of(held) if held else "1",
-        "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
+        "Rows per new value": text_of(repeats) if repeats else "1",
+        "Axes that are copies": text_of([f"{b} of {a}" for a, b in quality.get("copies", ())]),
         "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
         "Correlation of gyroscope turns with gravity turns (1 is perfect)": number(
-            (found.get("axes") or {}).get("agreement")
+            (quality.get("axes") or {}).get("agreement")
         ),
         "Turn by the gyroscope per turn of gravity, rest to rest": number(
             (rests.get("turn_ratio") or {}).get("value")
         ),
     }
-    return figures if found else dict.fromkeys(figures, NO_NUMBER)
+    return figures if quality else dict.fromkeys(figures, NO_NUMBER)

@@ -82,13 +82,13 @@ def _step(effect, name):
     """
     sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
     step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
-    known = 0 <= step < min(len(sessions), len(times))
-    return f", {sessions[step]} at {duration(times[step])}" if known else ""
+    within = 0 <= step < min(len(sessions), len(times))
+    return f", {sessions[step]} at {duration(times[step])}" if within else ""
 
 
 def effect_table(block, effect):
     """Return the table of parameters ± σ of an effect that was added."""
-    known = Effect.library.get(effect["name"])
+    kind = Effect.library.get(effect["name"])
     rows, columns = matrix_rows(effect), ("Parameter", *XYZ, "Unit")
     if effect["name"] == TurnOnBias.name or not rows:
         rows, columns = parameter_rows(effect), ("Parameter", "Value ± 1 σ", "Unit")
@@ -99,7 +99,7 @@ def effect_table(block, effect):
             ends = f"{shown.size(low)} to {shown.text(high)}"
             label = f"over power cycles, {axis}: 1 σ, 95 % interval {ends}"
             rows.append((label, shown.size(value), shown.unit))
-    note = f"{known.equation} ({known.reference})." if known else ""
+    note = f"{kind.equation} ({kind.reference})." if kind else ""
     if block["part"] == "reference":
         note = (
             "The reference's clock shows t + dt where the log is stamped t; r is the vector from "

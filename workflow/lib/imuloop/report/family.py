@@ -32,7 +32,7 @@ class Parameter:
 
 def parameters():
     """Return each `Parameter` by its name in family.json, in the order of the table."""
-    found = {}
+    by_name = {}
     for sensor, channels in SENSORS.items():
         names = {f"{sensor}.{name}": (*place, False) for name, place in PARAMETERS.items()}
         for term in "NBK":
@@ -40,31 +40,31 @@ def parameters():
             names |= {f"{channel}.{term}": (term, axis, True) for channel, axis in axes}
         for name, (quantity, axis, relative) in names.items():
             words = f"{sensor}, {WORDS['compared'][quantity].lower()} {axis}"
-            found[name] = Parameter(words, QUANTITIES[sensor][quantity], relative)
-    return found
+            by_name[name] = Parameter(words, QUANTITIES[sensor][quantity], relative)
+    return by_name
 
 
-def family_tables(found, labels):
+def family_tables(family, labels):
     """Return the tables of a type of devices, a list without empty tables.
 
-    `found` is the content of family.json for the type, and `labels` has the labels of devices by
+    `family` is the content of family.json for the type, and `labels` has the labels of devices by
     name.
     """
-    tables = (spread_table(found), odd_table(found, labels), effect_table(found))
+    tables = (spread_table(family), odd_table(family, labels), effect_table(family))
     return [table for table in tables if table.rows]
 
 
-def finding(found, labels):
+def finding(family, labels):
     """Return a sentence with the devices that stand out from a type."""
-    names = [*dict.fromkeys(labels[each["device"]] for each in found["odd"])]
-    return phrase("family", found=found, names=names)
+    names = [*dict.fromkeys(labels[odd["device"]] for odd in family["odd"])]
+    return phrase("family", found=family, names=names)
 
 
-def spread_table(found):
+def spread_table(family):
     """Return the table of mean and spread of each parameter that devices share."""
     rows = []
     for name, parameter in parameters().items():
-        if one := found["parameters"].get(name):
+        if one := family["parameters"].get(name):
             low, high = map(parameter.spread, one["spread_ci95"])
             percent = "\u202f%" * parameter.relative
             rows.append(
@@ -82,21 +82,21 @@ def spread_table(found):
         "Between devices: standard deviation of the true values. Within: standard error of one "
         "device."
     )
-    caption = f"Mean and spread of {plural(len(found['devices']), 'device')}"
+    caption = f"Mean and spread of {plural(len(family['devices']), 'device')}"
     return Table(caption, columns, rows, note, sortable=True)
 
 
-def odd_table(found, labels):
+def odd_table(family, labels):
     """Return the table of the devices that stand out, with their values."""
-    known, rows = parameters(), []
-    for each in found["odd"]:
-        parameter, one = known[each["parameter"]], found["parameters"][each["parameter"]]
-        k = one["devices"].index(each["device"])
+    by_name, rows = parameters(), []
+    for odd in family["odd"]:
+        parameter, one = by_name[odd["parameter"]], family["parameters"][odd["parameter"]]
+        k = one["devices"].index(odd["device"])
         text = parameter.value(one["values"][k], one["std"][k])
-        away = Sized(number(each["deviation"]), abs(each["deviation"]))
-        chance = Sized(probability(each["p_value"]), each["p_value"])
+        away = Sized(number(odd["deviation"]), abs(odd["deviation"]))
+        chance = Sized(probability(odd["p_value"]), odd["p_value"])
         unit = parameter.display.unit
-        rows.append((labels[each["device"]], parameter.words, unit, text, away, chance))
+        rows.append((labels[odd["device"]], parameter.words, unit, text, away, chance))
     columns = ("Device", "Parameter", "Unit", "Value ± 1 σ", "Deviation, σ", "p-value")
     note = (
         "Deviation from the prediction by the other devices, in standard deviations of the "
@@ -105,17 +105,17 @@ def odd_table(found, labels):
     return Table("Devices that stand out", columns, rows, note, sortable=True)
 
 
-def effect_table(found):
+def effect_table(family):
     """Return the table of effects that some device has, or that all devices together show."""
     rows = [
         (
-            effect_words(each),
-            f"{each['sensor']}, {RECORDS[each['record']]}",
-            Sized(f"{len(each['added'])} of {each['tried']}", len(each["added"]) / each["tried"]),
-            Sized(probability(each["p_value"]), each["p_value"]),
+            effect_words(e),
+            f"{e['sensor']}, {RECORDS[e['record']]}",
+            Sized(f"{len(e['added'])} of {e['tried']}", len(e["added"]) / e["tried"]),
+            Sized(probability(e["p_value"]), e["p_value"]),
         )
-        for each in found["effects"]
-        if each["added"] or each["p_value"] < found["significance"]
+        for e in family["effects"]
+        if e["added"] or e["p_value"] < family["significance"]
     ]
     columns = ("Effect", "Data", "Devices that have it", "p-value")
     note = (

@@ -1,5 +1,7 @@
 """Findings: the numbers that the sentences of ``phrases.j2`` are made of."""
 
+from operator import itemgetter
+
 import numpy as np
 from scipy.special import chdtr
 
@@ -53,7 +55,7 @@ def block_of(diagnosis, sensor, part):
     best of them; ``elsewhere``, candidates that were added by other data.
     """
     if sensor == BOTH:
-        block = _of_both(*(block_of(diagnosis, each, part) for each in SENSORS))
+        block = _of_both(*(block_of(diagnosis, name, part) for name in SENSORS))
     else:
         block = diagnosis.get("sensors", {}).get(sensor, {}).get(part) or UNTESTED
     block = block | {"sensor": sensor, "part": part}
@@ -83,9 +85,9 @@ def blocks(diagnosis):
     return [block_of(diagnosis, *place) for place in places]
 
 
-def tested(found):
+def tested(diagnoses):
     """Return the diagnoses that have a verdict."""
-    return [block for block in found if block["verdict"] != "not_testable"]
+    return [block for block in diagnoses if block["verdict"] != "not_testable"]
 
 
 def _of_both(force, turn):
@@ -146,17 +148,17 @@ def rank(verdict):
     return VERDICTS.index(verdict)
 
 
-def answers(found):
+def answers(diagnoses):
     """Return a line for each sensor and kind of data that matters: place, verdict, words.
 
     The first lines are of each sensor's poses, or of its static record if only that was tested.
     Lines of other data follow if an effect was found in them or something is missing.
     """
-    said = []
+    said, with_verdict = [], tested(diagnoses)
     for sensor in SENSORS:
-        poses, static = (b for b in found if b["sensor"] == sensor and b["part"] != "reference")
-        said.append(poses if poses in tested(found) or static not in tested(found) else static)
-    news = [b for b in tested(found) if b["verdict"] != "consistent"]
+        poses, static = (b for b in diagnoses if b["sensor"] == sensor and b["part"] != "reference")
+        said.append(static if static in with_verdict and poses not in with_verdict else poses)
+    news = [b for b in with_verdict if b["verdict"] != "consistent"]
     said += [b for b in news if b not in said]
     alone = [b for b in said[: len(SENSORS)] if b["part"] == "static_record"]
     return [
@@ -181,17 +183,17 @@ def grouped(summaries):
     return sorted(groups.items(), key=order)
 
 
-def card(found, loop, calibration=None):
+def card(diagnoses, loop, calibration=None):
     """Return the texts with which the part of a device begins, a dict.
 
     The text ``found`` names the hidden effects by sensor, and ``gain`` the errors that fell.
     ``left`` is a list of pairs: a verdict, and a text on the remaining error. ``untested`` names
-    data that could not be tested, and adds remarks on the calibration. `found` are the `blocks` of
-    the device, `loop` is the result of `loop_errors`, and `calibration` the final calibration, if
-    there is one.
+    data that could not be tested, and adds remarks on the calibration. `diagnoses` are the `blocks`
+    of the device, `loop` is the result of `loop_errors`, and `calibration` the final calibration,
+    if there is one.
     """
     places, effects = {}, {}
-    for block in found:
+    for block in diagnoses:
         for effect in block["effects"]:
             place = places.setdefault(effect_words(effect), [])
             # data in motion repeat the effects that other data show: those are named once
@@ -199,22 +201,23 @@ def card(found, loop, calibration=None):
                 place += {phrase("sensor", b=block)} - {*place}
     for effect, place in places.items():
         effects.setdefault(joined(place), []).append(effect)
-    known = tested(found)
-    above = [b for b in known if b["verdict"] in ABOVE]
-    left = [(b["verdict"], phrase("still", b=b)) for b in above]
-    if within := [b for b in known if b not in above]:
+    with_verdict = tested(diagnoses)
+    above = [b for b in with_verdict if b["verdict"] in ABOVE]
+    remaining = [(b["verdict"], phrase("still", b=b)) for b in above]
+    if within := [b for b in with_verdict if b not in above]:
         worst = max((b["verdict"] for b in within), key=rank)
         errors = [] if above else told(loop)
-        left.append((worst, phrase("nothing_left", above=above, within=within, errors=errors)))
-    left += [(b["verdict"], phrase("quiet", b=b)) for b in within if b["too_quiet"]]
-    words = [phrase("untested", found=found) if known else ""]
-    words += [phrase("contradicting", b=b) for b in found if (b["sensor"], b["part"]) == ROTATIONS]
+        remaining.append((worst, phrase("nothing_left", above=above, within=within, errors=errors)))
+    remaining += [(b["verdict"], phrase("quiet", b=b)) for b in within if b["too_quiet"]]
+    words = [phrase("untested", found=diagnoses) if with_verdict else ""]
+    turns = [b for b in diagnoses if (b["sensor"], b["part"]) == ROTATIONS]
+    words += [phrase("contradicting", b=b) for b in turns]
     for name in SENSORS if calibration else ():
         words += [sentence(f"{name}: {r}") for r in remarks(name, getattr(calibration, name))]
     return {
-        "found": phrase("found", effects=effects, known=known, above=above),
+        "found": phrase("found", effects=effects, tested=with_verdict, above=above),
         "gain": " ".join(phrase("gain", error=error) for error in told(loop)),
-        "left": left,
+        "left": remaining,
         "untested": " ".join(filter(None, words)),
     }
 
@@ -240,9 +243,8 @@ def headline(summaries):
     It is the largest fall of an error, or the worst verdict if no error fell by `WORTH_SAYING`.
     """
     falls = [(fall(e), e, s) for s in summaries for e in s["loop"] if e["effects"]]
-    falls = [each for each in falls if each[0] >= WORTH_SAYING]
-    if falls:
-        _, error, summary = max(falls, key=lambda each: each[0])
+    factor, error, summary = max(falls, key=itemgetter(0), default=(0, None, None))
+    if factor >= WORTH_SAYING:
         verdicts = [{verdict for _, verdict, _ in s["answers"]} for s in summaries]
         count = sum(bool(v & {"explained", "partly_explained"}) for v in verdicts)
         numbers = {"summary": summary, "error": error, "count": count}

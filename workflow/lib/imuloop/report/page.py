@@ -38,19 +38,19 @@ def environment(escape):
 
     If `escape`, every text is escaped, as in HTML.
     """
-    made = Environment(
+    jinja = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=escape,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= {"phrase": phrase, "plural": plural, "WORDS": WORDS, "RESIDUALS": RESIDUALS}
-    made.globals |= {"coefficient": numbers.coefficient_text, "QUANTITIES": QUANTITIES}
-    made.filters |= {"joined": joined, "effect": effect_words, "shown": shown, "valued": valued}
+    jinja.globals |= {"phrase": phrase, "plural": plural, "WORDS": WORDS, "RESIDUALS": RESIDUALS}
+    jinja.globals |= {"coefficient": numbers.coefficient_text, "QUANTITIES": QUANTITIES}
+    jinja.filters |= {"joined": joined, "effect": effect_words, "shown": shown, "valued": valued}
     names = ("duration", "interval_text", "number", "p_text", "percent", "with_unit")
-    made.filters |= {name: getattr(numbers, name) for name in names}
-    return made
+    jinja.filters |= {name: getattr(numbers, name) for name in names}
+    return jinja
 
 
 def shown(value, unit, digits=3):

@@ -2,6 +2,7 @@
 
 import platform
 import subprocess
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -15,14 +16,12 @@ def provenance(release, repository, command, config):
     `release` is the version of imuloop, `repository` the folder of the workflow, `command` the
     command that was run, and `config` the resolved config of all devices.
     """
-    found = {"python": platform.python_version()}
+    versions = {"python": platform.python_version()}
     for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    made = {"imuloop": release, "commit": commit(repository), "command": command}
-    return made | {"versions": found, "config": config}
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    program = {"imuloop": release, "commit": commit(repository), "command": command}
+    return program | {"versions": versions, "config": config}
 
 
 def commit(repository):
@@ -36,11 +35,11 @@ def commit(repository):
         except PackageNotFoundError:
             return "not known"
     try:
-        found = run_git(repository, "rev-parse", "HEAD")
+        head = run_git(repository, "rev-parse", "HEAD")
         changed = run_git(repository, "status", "--porcelain", "--untracked-files=no")
     except (OSError, subprocess.CalledProcessError):
         return "not known: no git checkout"
-    return f"{found} with local changes" if changed else found
+    return f"{head} with local changes" if changed else head
 
 
 def run_git(repository, *command):

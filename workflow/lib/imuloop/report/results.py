@@ -115,26 +115,22 @@ def of_axes(values, sensor):
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
-def read_device(name, label, folder, sessions, data_sheet=None):
-    """Return the results of a device in ``results/<device>``.
-
-    `sessions` gives the kind of each session by its name; `data_sheet` is as in
-    `imuloop.sensors.device_figures`.
-    """
-    folder = Path(folder)
+def read_device(device):
+    """Return the `DeviceResults` of a `chain.Device`, from its result files."""
+    folder = Path(device.folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
     return DeviceResults(
-        name,
-        label,
+        device.name,
+        device.label or device.name,
         folder,
-        tuple(_session(folder / session, kind, spectra) for session, kind in sessions.items()),
+        tuple(_session(folder / name, kind, spectra) for name, kind in device.kinds.items()),
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
         *(
             pd.read_parquet(folder / f"{table}.parquet")
             for table in ("poses", "moves", "reference")
         ),
-        data_sheet or {},
+        device.data_sheet,
     )
 
 

@@ -21,14 +21,12 @@ from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, read_device
 
 
-def write_section(name, label, folder, sessions, data_sheet=None):
-    """Write a device's section, page, summary.json and figures into its folder.
+def write_section(device):
+    """Write the section, page, summary.json and figures of a `chain.Device` into its folder.
 
-    `name` and `label` are as in the config, `folder` is ``results/<device>``, `sessions` gives the
-    kind of each session by its name, `data_sheet` is the result of `device_figures`. The label is
-    shown as plain text, never as markup.
+    Its label is shown as plain text, never as markup.
     """
-    device = read_device(name, label, folder, sessions, data_sheet)
+    device = read_device(device)
     if device.figures.exists():
         shutil.rmtree(device.figures)
     device.figures.mkdir(parents=True)
@@ -95,10 +93,10 @@ def content(device):
 
 def diagnosis_part(device, block):
     """Return the values of the template for the diagnosis of a sensor in one kind of data."""
-    made = [effect_tables.steps_table(block)]
-    made += [effect_tables.effect_table(block, effect) for effect in block["effects"]]
+    tables = [effect_tables.steps_table(block)]
+    tables += [effect_tables.effect_table(block, effect) for effect in block["effects"]]
     if block["part"] == "reference":
-        made.append(effect_tables.set_up_table(block))
+        tables.append(effect_tables.set_up_table(block))
     return {
         # target of the links to this part
         "identity": f"{device.name}.{block['sensor']}.{block['part']}",
@@ -108,7 +106,7 @@ def diagnosis_part(device, block):
         # words with which the sentence begins
         "words": block["verdict"].replace("_", " "),
         "sentence": phrase("verdict", b=block, short=True),
-        "effects": [t for t in made if t],
+        "effects": [t for t in tables if t],
         "ranking": effect_tables.ranking_table(block),
         **{kind: make(device, block) for kind, make in OF_RECORD.items()},
     }

@@ -41,21 +41,21 @@ def held_rests(w, stretches, step, bias, shortest):
     return rests[long_enough(rests, max(SHORTEST, shortest), step)]
 
 
-def unite(still, held):
+def unite(still, by_hand):
     """Return rests on a support and in the hand in order of time, and which are in the hand.
 
     A rest in the hand replaces the rests on a support that overlap with it. It is left out instead
     in two cases: if rests on a support are at least the share `MOST` of it, or if some but less
     than half of a rest on a support lies in it. Takes ranges of samples of rests on a support,
-    `still`, (k, 2), and in the hand, `held`, (l, 2); returns ranges, (m, 2), and a mask, (m,).
+    `still`, (k, 2), and in the hand, `by_hand`, (l, 2); returns ranges, (m, 2), and a mask, (m,).
     """
     # number of samples that each pair of rests shares, (k, l)
-    ends = np.minimum(still[:, None, 1], held[:, 1])
-    shared = np.maximum(ends - np.maximum(still[:, None, 0], held[:, 0]), 0)
+    ends = np.minimum(still[:, None, 1], by_hand[:, 1])
+    shared = np.maximum(ends - np.maximum(still[:, None, 0], by_hand[:, 0]), 0)
     reaches_out = (shared > 0) & (2 * shared < lengths(still)[:, None])
-    used = (shared.sum(axis=0) < MOST * lengths(held)) & ~reaches_out.any(axis=0)
+    used = (shared.sum(axis=0) < MOST * lengths(by_hand)) & ~reaches_out.any(axis=0)
     kept = ~shared[:, used].any(axis=1)
-    rests = np.concatenate([still[kept], held[used]])
+    rests = np.concatenate([still[kept], by_hand[used]])
     in_hand = np.arange(len(rests)) >= kept.sum()
     order = np.argsort(rests[:, 0])
     return rests[order], in_hand[order]

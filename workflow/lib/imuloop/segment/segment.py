@@ -235,13 +235,13 @@ def _choose_rests(log, settings):
     detected, steady, bias, short = _detect(log, settings)
     if not len(detected):
         return detected, np.zeros(0), False, short
-    held = held_rests(w, stretches, step, bias, settings.shortest_rest_s)
+    by_hand = held_rests(w, stretches, step, bias, settings.shortest_rest_s)
     largest_error = DEAREST * expected_error(attitudes(f, detected))
     for on_support, limit in ((steady, largest_error), (detected, np.inf)):
         wider = widen_rests(f, w, on_support, stretches, step)
         rests, tilt = without_tilts(f, w, wider, bias, step)
         error, in_hand = expected_error(attitudes(f, rests)), False
-        all_rests, is_held = unite(rests, held)
+        all_rests, is_held = unite(rests, by_hand)
         error_with_held = expected_error(attitudes(f, all_rests))
         if is_held.any() and error_with_held < WORTH_HOLDING * error:
             all_tilts = np.zeros(len(all_rests))

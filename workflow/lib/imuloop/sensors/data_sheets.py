@@ -157,8 +157,8 @@ class DataSheet:
             if isclose(candidate.full_scale, wanted, rel_tol=_SAME_RANGE):
                 return candidate
         fault = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
-        known = ", ".join(candidate.name for candidate in figures.ranges)
-        raise ImuloopError(f"{part} of {self.label}: {fault}; use one of {known}")
+        names = ", ".join(candidate.name for candidate in figures.ranges)
+        raise ImuloopError(f"{part} of {self.label}: {fault}; use one of {names}")
 
 
 def sensor_names():

@@ -32,7 +32,7 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
         If the table has no such sensor, or the sensor no such range.
     """
     if ranges and not sensor:
-        raise ImuloopError("range: needs the name of the sensor")
+        raise ImuloopError("needs the device's sensor")
     sheet = find_sensor(sensor) if sensor else None
     scales, limits, tolerances, noise = {}, {}, {}, {}
     for quantity, part in PARTS.items():

@@ -69,8 +69,8 @@ def simulate_session(truth, session, seed=None):
         If the device has no such session, or an effect needs a temperature that it lacks.
     """
     if session not in truth.sessions:
-        known = ", ".join(truth.sessions)
-        raise ImuloopError(f"{truth.name}: no session '{session}'; it has {known}")
+        names = ", ".join(truth.sessions)
+        raise ImuloopError(f"{truth.name}: no session '{session}'; it has {names}")
     plan, dt = truth.sessions[session], 1 / truth.rate
     effects = [e.effect for name in SENSORS for e in getattr(truth, name).effects]
     if not plan.temperature and any("temperature" in effect.needs for effect in effects):

@@ -296,8 +296,8 @@ def rotation_errors(turns, f, stretch, u):
     """
     C = matrix(np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))]))
     leave, arrive = C[stretch.leave[:-1]], C[stretch.arrive[1:]]
-    carried = np.einsum("pji,pjk,pk->pi", arrive, leave, u[:-1])
-    return angle(carried, u[1:])[:, None]
+    predicted = np.einsum("pji,pjk,pk->pi", arrive, leave, u[:-1])
+    return angle(predicted, u[1:])[:, None]
 
 
 def filter_errors(turns, f, stretch, u):

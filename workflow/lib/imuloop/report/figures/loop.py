@@ -34,16 +34,16 @@ RECORDS = (
 BEYOND = 1.6
 
 
-def loop_errors(device, found):
+def loop_errors(device, diagnoses):
     """Return the held-out errors of a device that a user notices, the most visible one first.
 
-    `found` are the `blocks` of the device. For each of them, the errors are the residual that its
-    verdict quotes and the residual that a user notices first. An error is a dict of ``what``,
+    `diagnoses` are the `blocks` of the device. For each of them, the errors are the residual that
+    its verdict quotes and the residual that a user notices first. An error is a dict of ``what``,
     ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root mean squares, None if
     absent) and ``effects``.
     """
     errors = []
-    for block in sorted(found, key=lambda b: RECORDS.index((b["sensor"], b["part"]))):
+    for block in sorted(diagnoses, key=lambda b: RECORDS.index((b["sensor"], b["part"]))):
         for name in dict.fromkeys([block["quoted"], *residual_names(block)[:1]]):
             if name:
                 residual, effects = block["residuals"][name], [*dict.fromkeys(block["words"])]

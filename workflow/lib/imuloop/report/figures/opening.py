@@ -15,10 +15,10 @@ KINDS = ("multi_position", "six_position", "reference_motion", "known_rotation",
 def opening_pictures(device):
     """Return up to two pictures: the main error before and after, and the main recording."""
     pictures = []
-    if found := tested(blocks(device.diagnosis)):
+    if diagnoses := tested(blocks(device.diagnosis)):
         # records with an effect or an error come first, then poses
-        found.sort(key=lambda b: (not b["effects"], b["verdict"] == "consistent"))
-        pictures += _wrong(device, found[0])
+        diagnoses.sort(key=lambda b: (not b["effects"], b["verdict"] == "consistent"))
+        pictures += _wrong(device, diagnoses[0])
     if sessions := sorted(device.used, key=lambda s: KINDS.index(s.kind)):
         picture, _ = session_pictures(device, sessions[0])
         height = BESIDE[1] + 50 * (len(picture.rows) > 1)

@@ -23,15 +23,15 @@ def pose_directions(device):
 
     Poses without specific force are left out.
     """
-    found = {}
+    directions = {}
     for session in device.used:
         if session.kind in MARKS:
             force = device.poses[device.poses["session"] == session.name]
             force = force[list(ACCELERATION)].to_numpy(float)
             norm = np.linalg.norm(force, axis=1)
             if (norm > 0).any():
-                found.setdefault(session.kind, []).append((force.T / norm).T[norm > 0])
-    return {kind: np.concatenate(parts) for kind, parts in found.items()}
+                directions.setdefault(session.kind, []).append((force.T / norm).T[norm > 0])
+    return {kind: np.concatenate(parts) for kind, parts in directions.items()}
 
 
 def draw_poses(area, directions, sign, hole):

@@ -69,22 +69,22 @@ def against(name, table):
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
-    found = {f"time_{unit}": (f"time, {unit}", time / size)}
+    columns = {f"time_{unit}": (f"time, {unit}", time / size)}
     if name in OF_MOVES:
         if name != "rotation":
             knock = table["knock_m_s"].to_numpy() * 1e3
-            found["knock_mm_s"] = "knock, mm/s", knock
+            columns["knock_mm_s"] = "knock, mm/s", knock
         angle = table["angle_rad"].to_numpy() * DEGREES.factor
         speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
-        found["angle_deg"] = "angle turned, °", angle
-        found["speed_deg_s"] = "greatest speed, °/s", speed
+        columns["angle_deg"] = "angle turned, °", angle
+        columns["speed_deg_s"] = "greatest speed, °/s", speed
     elif name not in OF_WINDOWS:
         force = table[list(ACCELERATION)].to_numpy()
         up = (force / np.linalg.norm(force, axis=1)[:, None]).T
-        found |= {f"up_{a}": (f"{a} of “up”, 1", v) for a, v in zip(XYZ, up, strict=True)}
+        columns |= {f"up_{a}": (f"{a} of “up”, 1", v) for a, v in zip(XYZ, up, strict=True)}
         if np.isfinite(table[TEMPERATURE]).any():
-            found["temperature_degC"] = "temperature, °C", table[TEMPERATURE].to_numpy()
-    return found
+            columns["temperature_degC"] = "temperature, °C", table[TEMPERATURE].to_numpy()
+    return columns
 
 
 def draw_residuals(area, x, series, floor):

@@ -75,19 +75,19 @@ def shade(area, segments, size=1.0):
 
 def steps_at(device, session, sensor):
     """Return the times, s, of the steps of the bias that were found in the session `session`."""
-    found = []
+    times = []
     for record in device.diagnosis.get("sensors", {}).get(sensor, {}).values():
         for effect in record["effects"]:
             constants = effect["constants"]
             places = zip(constants.get("sessions", ()), constants.get("times", ()), strict=False)
-            found += [time for name, time in places if name == session]
-    return found
+            times += [time for name, time in places if name == session]
+    return times
 
 
 def drifts(device, sensor):
     """Return the slope of the bias at rest by axis, SI per s; empty if no such effect was found."""
-    found = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
-    slopes = [e["parameters"] for e in found.get("effects", ()) if e["name"] == RAMP]
+    record = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
+    slopes = [e["parameters"] for e in record.get("effects", ()) if e["name"] == RAMP]
     return {axis: slopes[0][f"d{axis}"] for axis in XYZ} if slopes else {}
 
 
