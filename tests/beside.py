@@ -54,20 +54,20 @@ def diagnose_session(folder, truth, seed, sessions=1, change=lambda columns: col
 
     `change` takes the columns of the reference, and harms them.
     """
-    made = {}
+    sessions_read = {}
     for name, k in ((f"hand_{k}", k) for k in range(sessions)):
         log, reference = simulate_beside(truth, [seed, k])
         paths = write_pair(folder, name, (log, change(reference)))
         sources = dict(zip(("log", "reference"), ({"path": p.name} for p in paths), strict=True))
         results = ingest_session(folder, name, paths, sources=sources)
         assert json.loads(results["quality_path"].read_text())["status"] == "ok"
-        made[name] = {"kind": "reference_motion", "samples": results["samples_path"]}
+        sessions_read[name] = {"kind": "reference_motion", "samples": results["samples_path"]}
     how = NOISE, truth.gravity, DiagnoseSettings(), 20, NOMINAL
-    content, table = diagnose_reference(made, *how)
+    content, table = diagnose_reference(sessions_read, *how)
     return content, pd.DataFrame(table)
 
 
-def pulls(found, truth):
+def pulls(fitted, truth):
     """Return the errors of parameters, in their standard errors."""
-    value, std = (np.array([*found[key].values()]) for key in ("parameters", "std"))
+    value, std = (np.array([*fitted[key].values()]) for key in ("parameters", "std"))
     return (value - truth) / std

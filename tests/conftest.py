@@ -56,10 +56,10 @@ class Recordings:
         self.folder = next((Path(f) for f in folders if f and Path(f).is_dir()), cache)
 
     def __call__(self, name):
-        found = sorted(self.folder.rglob(name))
-        if not found:
+        paths = sorted(self.folder.rglob(name))
+        if not paths:
             pytest.skip(f"{name} is not at hand, docs/reproduce.md says how to get it")
-        return found[0]
+        return paths[0]
 
 
 @pytest.fixture(scope="session")

@@ -44,14 +44,14 @@ def _stream(printed):
 
 
 def _pictures():
-    found = []
+    outputs = []
     for number in plt.get_fignums():
         png = io.BytesIO()
         plt.figure(number).savefig(png, format="png", dpi=64, metadata={"Software": None})
         data = {"image/png": base64.b64encode(png.getvalue()).decode()}
-        found.append({"output_type": "display_data", "metadata": {}, "data": data})
+        outputs.append({"output_type": "display_data", "metadata": {}, "data": data})
     plt.close("all")
-    return found
+    return outputs
 
 
 if __name__ == "__main__":

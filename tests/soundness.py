@@ -18,18 +18,18 @@ TEXTS = {"td", "th", "text", "li", "p", "figcaption"}
 def faults_of(folder):
     """Yield the faults of all files of a folder of results, each after its path."""
     for path in sorted(folder.rglob("*")):
-        found = []
+        faults = []
         if path.suffix == ".json":
-            found = [fault(path)]
+            faults = [fault(path)]
         elif path.suffix == ".parquet":
             table = pd.read_parquet(path).select_dtypes(float)
-            found = [f"{name} is not finite" for name in table if np.isinf(table[name]).any()]
+            faults = [f"{name} is not finite" for name in table if np.isinf(table[name]).any()]
         elif path.suffix == ".csv":
             cells = re.split("[,\n]", path.read_text(encoding="utf-8"))
-            found = [cell for cell in cells if NO_NUMBER.fullmatch(cell)]
+            faults = [cell for cell in cells if NO_NUMBER.fullmatch(cell)]
         elif path.name == "report.html":
-            found = Page(path.read_text()).faults
-        yield from (f"{path.name}: {each}" for each in found if each)
+            faults = Page(path.read_text()).faults
+        yield from (f"{path.name}: {line}" for line in faults if line)
 
 
 class Page(HTMLParser):
@@ -66,8 +66,8 @@ class Page(HTMLParser):
         for element in self.open:
             element["text"] += data
         if self.open and self.open[-1]["tag"] in TEXTS:
-            if found := NO_NUMBER.search(data := WORDS.sub("", data)):
-                around = data[max(found.start() - 40, 0) : found.end() + 20]
+            if match := NO_NUMBER.search(data := WORDS.sub("", data)):
+                around = data[max(match.start() - 40, 0) : match.end() + 20]
                 self.faults.append(f"no number: {' '.join(around.split())}")
 
     def all(self, tag):

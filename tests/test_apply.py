@@ -31,13 +31,13 @@ def noisy_log(level=0.0):
 
 @pytest.fixture
 def calibration(tmp_path):
-    made = Calibration(
+    device = Calibration(
         "d",
         9.80665,
         SensorCalibration(COUNTS, T, np.full(3, 0.0025), np.array([32700.0, 32800.0, 33000.0])),
         SensorCalibration(RawUnit("deg/s", np.pi / 180), np.eye(3), np.full(3, 0.018), np.ones(3)),
     )
-    made.to_json(tmp_path / "calibration.json")
+    device.to_json(tmp_path / "calibration.json")
     return tmp_path / "calibration.json"
 
 
@@ -75,15 +75,15 @@ def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
     (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
     log = noisy_log()
     log.to_csv(tmp_path / "log.csv", index=False)
-    made, out = tmp_path / "made", tmp_path / "out.csv"
+    folder, out = tmp_path / "made", tmp_path / "out.csv"
     with pytest.warns(UserWarning, match="rejected"):
-        result = imuloop.calibrate(tmp_path / "short.csv", folder=made, progress=False)
-    assert [path.name for path in result.export(made / "exports")] == ["README.txt"]
-    command = ["apply", made / "calibration.json", tmp_path / "log.csv", "-o", out]
+        result = imuloop.calibrate(tmp_path / "short.csv", folder=folder, progress=False)
+    assert [path.name for path in result.export(folder / "exports")] == ["README.txt"]
+    command = ["apply", folder / "calibration.json", tmp_path / "log.csv", "-o", out]
     message = one_line_error(command, capsys)
-    assert f"{made / 'calibration.json'}: the calibration is nominal" in message
+    assert f"{folder / 'calibration.json'}: the calibration is nominal" in message
     assert "rejected" in message and "--nominal" in message and not out.exists()
-    assert main([str(each) for each in (*command, "--nominal")]) == 0
+    assert main([str(word) for word in (*command, "--nominal")]) == 0
     np.testing.assert_allclose(pd.read_csv(out)[list(CHANNELS)], log[list(CHANNELS)], atol=1e-12)
     said = capsys.readouterr().out
     assert "accelerometer: nominal (" in said and "gyroscope: nominal (" in said
@@ -91,14 +91,14 @@ def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
 
 def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration, capsys):
     """Protects a line each for a sensor that is nominal, and one with an unexplained residual."""
-    own = Calibration.from_json(calibration)
+    device = Calibration.from_json(calibration)
     log = noisy_log()
     log.to_csv(tmp_path / "log.csv", index=False)
     command = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(tmp_path / "o.csv")]
     assert main(command) == 0 and capsys.readouterr().out == ""
     nominal = SensorCalibration.nominal(COUNTS, "no poses")
-    doubted = replace(own.gyroscope, verdict="unexplained")
-    replace(own, accelerometer=nominal, gyroscope=doubted).to_json(calibration)
+    doubted = replace(device.gyroscope, verdict="unexplained")
+    replace(device, accelerometer=nominal, gyroscope=doubted).to_json(calibration)
     assert main(command) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first == "accelerometer: nominal (no poses)"
@@ -157,18 +157,18 @@ def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated
         message = one_line_error([*command, *declared], capsys)
         assert path.name in message and "calibrated already" in message and "raw log" in message
     assert not twice.exists()
-    known = {"format": declared[1]} if declared else {}
+    format_of = {"format": declared[1]} if declared else {}
     with pytest.raises(ImuloopError, match="calibrated already"):
-        imuloop.read(path, **known)
-    own = Calibration.from_json(calibration)
+        imuloop.read(path, **format_of)
+    device = Calibration.from_json(calibration)
     with pytest.raises(ImuloopError, match="calibrated already"):
-        own.apply(table)
+        device.apply(table)
     if path.suffix == ".parquet":
         with pytest.raises(ImuloopError, match="calibrated already"):
-            own.apply_file(path, twice)
+            device.apply_file(path, twice)
     # and what Python calibrated in memory
-    samples = own.apply(imuloop.read(tmp_path / "log.csv", units=COUNTED, nominal=NOMINAL))
-    for again in (own.apply, imuloop.read):
+    samples = device.apply(imuloop.read(tmp_path / "log.csv", units=COUNTED, nominal=NOMINAL))
+    for again in (device.apply, imuloop.read):
         with pytest.raises(ImuloopError, match="calibrated already"):
             again(samples)
 
@@ -177,8 +177,8 @@ def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, 
     log = noisy_log(35125.0)
     log.to_csv(tmp_path / "log.csv", index=False)
     out = tmp_path / "out.csv"
-    given = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]
-    assert "no time offset" in one_line_error([*given, "--shift"], capsys)
+    command = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]
+    assert "no time offset" in one_line_error([*command, "--shift"], capsys)
     effect = {"name": "time_offset", "parameters": {"dt": -0.004}}
     sensors = {"gyroscope": {"reference": {"effects": [effect]}}}
     write_json(tmp_path / "diagnosis.json", {"sensors": sensors})
@@ -186,10 +186,10 @@ def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, 
         ([], "the gyroscope's stamps are -4 ms", 0.0),
         (["--shift"], "stamps were moved by -4 ms", -0.004),
     ):
-        assert main(given + more) == 0
+        assert main(command + more) == 0
         assert words in capsys.readouterr().out
         np.testing.assert_allclose(pd.read_csv(out)["t"], log["t"] + shift, atol=1e-12)
     # of a reference whose clock began apart it says nothing of the next log
     (tmp_path / "hand").mkdir()
     write_json(tmp_path / "hand/quality.json", {"reference": {"clock": {"own": True}}})
-    assert "no time offset" in one_line_error([*given, "--shift"], capsys)
+    assert "no time offset" in one_line_error([*command, "--shift"], capsys)

@@ -26,11 +26,15 @@ def test_a_device_that_did_not_drift(device, tmp_path, capsys):
     assert "accelerometer: no drift (9 parameters" in lines
     assert "gyroscope: no drift (12 parameters" in lines
     assert f"noise of {device / 'noise.json'}" in lines
-    found = json.loads(out.read_text())
-    assert found["format"] == 1 and found["drifted"] is False and found["kind"] == "multi_position"
-    assert found["sensors"]["gyroscope"]["dof"] == 12
+    content = json.loads(out.read_text())
+    assert (
+        content["format"] == 1
+        and content["drifted"] is False
+        and content["kind"] == "multi_position"
+    )
+    assert content["sensors"]["gyroscope"]["dof"] == 12
     assert {"name", "unit", "change", "std", "sigmas", "p_holm", "drifted"} <= set(
-        found["sensors"]["gyroscope"]["changes"][0]
+        content["sensors"]["gyroscope"]["changes"][0]
     )
 
 
@@ -56,11 +60,11 @@ def calibrated_log(device, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stages")
     full_scale = float(pd.read_csv(device / "2.csv")["gx"].nlargest(12).iloc[-1])
     how = {"full_scale": {"acceleration": 40.0, "angular_rate": full_scale}}
-    made = chain.Device("d", folder, {"poses": "multi_position"}, **how)
-    assert not chain.ingest(made, "poses", {}, [device / "1.csv"])
+    imu = chain.Device("d", folder, {"poses": "multi_position"}, **how)
+    assert not chain.ingest(imu, "poses", {}, [device / "1.csv"])
     for stage in (chain.segment, chain.noise, chain.calibrate):
-        assert not stage(made)
-    return made.file("multi_position.json"), full_scale
+        assert not stage(imu)
+    return imu.file("multi_position.json"), full_scale
 
 
 @pytest.mark.parametrize("samples", [8, 19])
@@ -165,7 +169,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     """Its columns and units, too, are in calibration.json; of one without them as before."""
     names = dict(zip(CHANNELS, ("fx", "fy", "fz", "p", "q", "r"), strict=True)) | {"t": "stamp"}
 
-    def own(log):
+    def lay_out(log):
         log = log.copy()
         log["t"] *= 1e3
         log[list(ACCELERATION)] /= 9.80665
@@ -174,7 +178,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
 
     logs = [pd.read_csv(device / f"{k}.csv") for k in (1, 2)]
     for k, log in enumerate(logs):
-        own(log).to_csv(tmp_path / f"{k}.csv", index=False)
+        lay_out(log).to_csv(tmp_path / f"{k}.csv", index=False)
     columns = {"time": "stamp", "acceleration": ["fx", "fy", "fz"], "angular_rate": ["p", "q", "r"]}
     units = {"time": "ms", "acceleration": "g", "angular_rate": "rad/s"}
     how = {"columns": columns, "units": units, "folder": tmp_path / "own", "progress": False}
@@ -188,7 +192,7 @@ def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_
     np.testing.assert_allclose(got[["t", *CHANNELS]], expected[["t", *CHANNELS]], atol=1e-9)
     # another layout is read as before, and declarations go first
     (logs[1] / ([1] + 3 * [9.80665] + 3 * [1])).to_csv(tmp_path / "usual.csv", index=False)
-    own(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
+    lay_out(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
     for name, *more in (["usual.csv"], ["said.csv", "--columns.angular_rate=wx,q,r"]):
         assert main(["apply", str(path), str(tmp_path / name), "-o", str(out), *more]) == 0
         got = pd.read_parquet(out)

@@ -27,7 +27,7 @@ NO_CHANGES = {
 
 @pytest.mark.parametrize(
     ("file", "text", "again"),
-    [(*each, True) for each in CHANGES.items()] + [(*each, False) for each in NO_CHANGES.items()],
+    [(*item, True) for item in CHANGES.items()] + [(*item, False) for item in NO_CHANGES.items()],
 )
 def test_a_stage_depends_on_its_packages_alone(repository, tmp_path, file, text, again):
     script, unused = repository / "scripts/segment.py", shutil.ignore_patterns("__pycache__")
@@ -53,7 +53,7 @@ def test_an_update_of_a_package_that_is_used_reruns_the_job(repository, monkeypa
     script, version = repository / "scripts/segment.py", module._version
     before = code_digest(script)
     for name, again in (("matplotlib", False), ("numpy", True)):
-        monkeypatch.setattr(module, "_version", lambda each, n=name: each == n or version(each))
+        monkeypatch.setattr(module, "_version", lambda item, n=name: item == n or version(item))
         assert (code_digest(script) != before) == again
 
 
@@ -75,5 +75,5 @@ def test_each_rule_names_the_packages_that_its_stage_imports(repository):
 
 def names_in(tree):
     """Return the names that code reads, and the modules that it imports."""
-    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    return found | {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return names | {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}

@@ -80,12 +80,12 @@ def refusal_line(arguments, folder, capsys):
     "another_name", [lambda path: path.parent / "." / ".." / "in" / path.name, link_to]
 )
 def test_no_command_writes_onto_what_it_reads(log, capsys, another_name):
-    calibration, made = log.with_name("calibration.json"), log.with_name("made.csv")
-    made.write_bytes(calibration.read_bytes())
+    calibration, copy = log.with_name("calibration.json"), log.with_name("made.csv")
+    copy.write_bytes(calibration.read_bytes())
     onto = another_name(log)
     for command, target in (
         (["apply", calibration, log, "-o"], onto),
-        (["apply", made, log, "-o"], another_name(made)),
+        (["apply", copy, log, "-o"], another_name(copy)),
         (["check", calibration, log, "--json"], another_name(log.with_name("noise.json"))),
         (["report", log, "-o"], onto),
     ):
@@ -155,8 +155,8 @@ def test_one_result_in_the_place_of_another_is_one_line(device, tmp_path, capsys
     assert "noise.json" in one_line_error(arguments, capsys)
     (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
     (tmp_path / "noise.json").write_text("{}")
-    found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
-    assert "not a noise model" in found
+    line = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
+    assert "not a noise model" in line
 
 
 def test_a_bug_is_one_line_that_names_the_file_of_its_traceback(
@@ -184,9 +184,9 @@ def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
     assert "time acceleration when, angular_rate tick" in shown
     assert main(["check", old, pair, *named]) == 0
     assert "acc.csv and gyr.csv against the calibration" in capsys.readouterr().out
-    for given, out in ((pair, "two.parquet"), (str(device / "2.csv"), "one.parquet")):
-        more = named if given == pair else []
-        assert main(["apply", old, given, "-o", str(tmp_path / out), *more]) == 0
+    for log_of, out in ((pair, "two.parquet"), (str(device / "2.csv"), "one.parquet")):
+        more = named if log_of == pair else []
+        assert main(["apply", old, log_of, "-o", str(tmp_path / out), *more]) == 0
     one, two = (pd.read_parquet(tmp_path / f"{n}.parquet")[[*CHANNELS]] for n in ("one", "two"))
     np.testing.assert_array_equal(one, two)
     line = one_line_error(["info", pair, "--columns.time", "when"], capsys)
@@ -267,8 +267,10 @@ def test_a_prior_is_a_file(device, tmp_path, capsys):
     file = kept / "calibration.json"
     command = ["calibrate", log, "-o", tmp_path / "out", "--prior"]
     assert main([*map(str, command), str(file)]) == 0
-    made = json.loads((tmp_path / "out/calibration.json").read_text())
-    assert {made[s]["prior"]["source"] for s in ("accelerometer", "gyroscope")} == {str(file)}
+    calibration = json.loads((tmp_path / "out/calibration.json").read_text())
+    assert {calibration[s]["prior"]["source"] for s in ("accelerometer", "gyroscope")} == {
+        str(file)
+    }
     refusal_line(["calibrate", log, "-o", kept, "--prior", file], kept, capsys)
 
 

@@ -10,8 +10,11 @@ SHA = "0" * 64
 
 def test_defaults_are_merged_key_by_key():
     sessions = {"x": {"kind": "static", "file": "x.csv"}}
-    own = {"a": {"segment": {"guard_s": 0.0}}, "b": {"gravity": {"latitude": 0.0, "height": 0.0}}}
-    devices = {name: {"sessions": sessions} | keys for name, keys in own.items()}
+    keys_of = {
+        "a": {"segment": {"guard_s": 0.0}},
+        "b": {"gravity": {"latitude": 0.0, "height": 0.0}},
+    }
+    devices = {name: {"sessions": sessions} | keys for name, keys in keys_of.items()}
     defaults = {"gravity": 9.8, "segment": {"window_s": 2.0, "guard_s": 0.3}}
     devices = resolve({"defaults": defaults, "devices": devices})
     assert devices["a"]["segment"] == {"window_s": 2.0, "guard_s": 0.0}
@@ -43,7 +46,7 @@ def sessions_of(text):
 
 def test_what_holds_for_all_logs_is_said_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = sessions_of("""
+    sessions = sessions_of("""
         defaults: {rate: 100, columns: {time: null}}
         devices:
           imu:
@@ -53,10 +56,10 @@ def test_what_holds_for_all_logs_is_said_once(tmp_path, monkeypatch):
               a: {kind: static, file: a.csv}
               b: {kind: static, file: b.csv, rate: 50, units: {acceleration: mg}}
     """)
-    assert found["a"]["columns"] == {"time": None, "acceleration": [1, 2, 3]}
-    assert found["a"]["units"] == {"acceleration": "g", "angular_rate": "deg/s"}
-    assert found["b"]["units"] == {"acceleration": "mg", "angular_rate": "deg/s"}
-    assert (found["a"]["rate"], found["b"]["rate"]) == (100, 50)
+    assert sessions["a"]["columns"] == {"time": None, "acceleration": [1, 2, 3]}
+    assert sessions["a"]["units"] == {"acceleration": "g", "angular_rate": "deg/s"}
+    assert sessions["b"]["units"] == {"acceleration": "mg", "angular_rate": "deg/s"}
+    assert (sessions["a"]["rate"], sessions["b"]["rate"]) == (100, 50)
 
 
 @pytest.mark.parametrize("file", ["logs", "logs/*.csv", "logs/2*-?.csv"])
@@ -66,11 +69,13 @@ def test_each_file_of_a_folder_or_a_pattern_is_a_session_named_by_it(tmp_path, m
     for name in ("2026-1.csv", "2026-2.csv", ".hidden.csv", *["night.csv"] * ("2" not in file)):
         (tmp_path / "logs" / name).write_text("t,ax,ay,az,gx,gy,gz\n")
     text = f"devices: {{imu: {{sessions: {{poses: {{kind: multi_position, file: {file!r}}}}}}}}}"
-    found = sessions_of(text)
+    sessions = sessions_of(text)
     expected = {"poses_2026-1": "logs/2026-1.csv", "poses_2026-2": "logs/2026-2.csv"}
     expected |= {} if "2" in file else {"night": "logs/night.csv"}
-    assert {name: each["sources"]["log"]["path"] for name, each in found.items()} == expected
-    assert {each["kind"] for each in found.values()} == {"multi_position"}
+    assert {
+        name: session["sources"]["log"]["path"] for name, session in sessions.items()
+    } == expected
+    assert {session["kind"] for session in sessions.values()} == {"multi_position"}
 
 
 def test_files_of_one_stem_are_sessions_of_two_names(tmp_path, monkeypatch):

@@ -13,10 +13,10 @@ STAGES = ("segment", "noise", "calibrate", "diagnose")
 
 
 def test_schema_and_table_are_those_of_the_models(repository):
-    made = runpy.run_path(str(repository / "docs/settings.py"))
-    schema = made["schema"]()
-    assert made["SCHEMA"].read_text("utf-8") == schema, "make settings"
-    assert made["TABLE"].read_text("utf-8") == made["table"](schema), "make settings"
+    script = runpy.run_path(str(repository / "docs/settings.py"))
+    schema = script["schema"]()
+    assert script["SCHEMA"].read_text("utf-8") == schema, "make settings"
+    assert script["TABLE"].read_text("utf-8") == script["table"](schema), "make settings"
 
 
 @pytest.mark.parametrize("stage", STAGES)

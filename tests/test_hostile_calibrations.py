@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from calibrated import calibrated_device
+from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.core.samples import CHANNELS
 from imuloop.model.effect import FittedEffect, find_effect
@@ -20,17 +20,18 @@ HOSTILE = yaml.safe_load(Path(__file__).with_name("hostile_calibrations.yaml").r
 
 
 @pytest.fixture(scope="module")
-def device(tmp_path_factory):
-    """A folder with the log of a simulated device and its calibration, an effect a sensor."""
-    folder = tmp_path_factory.mktemp("device")
-    made = calibrated_device(folder, 16, 10.0, 1)
-    log = pd.read_csv(folder / "1.csv")
+def folder(device, tmp_path_factory):
+    """A folder with the log of a simulated device, its noise and calibration, effects in it."""
+    folder = tmp_path_factory.mktemp("effects")
+    log = pd.read_csv(device / "1.csv")
     log.assign(temperature=20.0 + 0.01 * log["t"]).to_csv(folder / "log.csv", index=False)
+    (folder / "noise.json").write_bytes((device / "noise.json").read_bytes())
+    calibration = Calibration.from_json(device / "calibration.json")
     effects = (effect_of("warm_up", tau=100.0), effect_of("bias_temperature"))
     replace(
-        made,
-        accelerometer=replace(made.accelerometer, effects=effects),
-        gyroscope=replace(made.gyroscope, effects=(effect_of("g_sensitivity"),)),
+        calibration,
+        accelerometer=replace(calibration.accelerometer, effects=effects),
+        gyroscope=replace(calibration.gyroscope, effects=(effect_of("g_sensitivity"),)),
     ).to_json(folder / "calibration.json")
     return folder
 
@@ -89,17 +90,17 @@ def outcome(arguments, capfd):
 
 
 @pytest.fixture
-def statuses(device, tmp_path, capfd):
+def statuses(folder, tmp_path, capfd):
     """Run all commands with a calibration; return their statuses."""
 
     def call(path):
-        out, drift, log = tmp_path / "out.csv", tmp_path / "drift.json", device / "log.csv"
+        out, drift, log = tmp_path / "out.csv", tmp_path / "drift.json", folder / "log.csv"
         applied = outcome(["apply", path, log, "-o", out], capfd)
         assert out.exists() == (applied == 0)
         if applied == 0:
             values = pd.read_csv(out)
             assert np.isfinite(values[list(CHANNELS)].to_numpy()).all()
-        path.with_name("noise.json").write_bytes((device / "noise.json").read_bytes())
+        path.with_name("noise.json").write_bytes((folder / "noise.json").read_bytes())
         checked = outcome(["check", path, log, "--json", drift], capfd)
         assert drift.exists() == (checked in (0, 3))
         return applied, checked, outcome(["info", path], capfd)
@@ -107,19 +108,19 @@ def statuses(device, tmp_path, capfd):
     return call
 
 
-def test_the_calibration_is_good(device, statuses):
-    assert statuses(device / "calibration.json") == (0, 0, 0)
+def test_the_calibration_is_good(folder, statuses):
+    assert statuses(folder / "calibration.json") == (0, 0, 0)
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_a_changed_calibration_is_refused_or_gives_what_is_finite(device, tmp_path, statuses, kind):
-    sound, path = (device / "calibration.json").read_text(), tmp_path / "calibration.json"
+def test_a_changed_calibration_is_refused_or_gives_what_is_finite(folder, tmp_path, statuses, kind):
+    sound, path = (folder / "calibration.json").read_text(), tmp_path / "calibration.json"
     for changes in HOSTILE[kind]:
         path.write_text(changed(sound, changes))
         assert {*statuses(path)} <= ({1} if kind == "refused" else {0, 1, 3}), changes
-        for made in ("out.csv", "drift.json"):
-            (tmp_path / made).unlink(missing_ok=True)
+        for name in ("out.csv", "drift.json"):
+            (tmp_path / name).unlink(missing_ok=True)
 
 
 NO_FILES = [Path.mkdir, os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: None]

@@ -44,7 +44,7 @@ def test_arrows_go_one_way(repository, of):
     ]
     allowed = {*ARROWS[of], of, "core"}
     names = {(p.name, name) for p in files for name in imports_of(p) if name.startswith("imuloop")}
-    assert files and not {each for each in names if stage(each[1]) not in allowed}
+    assert files and not {pair for pair in names if stage(pair[1]) not in allowed}
 
 
 def test_every_package_imported_is_declared(repository):

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import imuloop
-from calibrated import calibrated_device
 from imuloop import ImuloopWarning
 from imuloop.core.samples import read_samples
 
@@ -15,10 +14,8 @@ FORCE, TURN = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("device")
-    calibrated_device(folder, 14, 20.0, 1)
-    return pd.read_csv(folder / "1.csv")
+def log(device):
+    return pd.read_csv(device / "1.csv")
 
 
 def table(t, f, w):
@@ -62,9 +59,9 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_a_log_of_arrays_may_have_any_form(log, form):
     arrays = (log["t"][:500].to_numpy(), log[FORCE][:500].to_numpy(), log[TURN][:500].to_numpy())
-    given, declared = FORMS[form](*arrays)
-    found = imuloop.read(given, **declared)
-    pd.testing.assert_frame_equal(found, imuloop.read(arrays), rtol=1e-6, atol=1e-6)
+    arrays_of, declared = FORMS[form](*arrays)
+    samples = imuloop.read(arrays_of, **declared)
+    pd.testing.assert_frame_equal(samples, imuloop.read(arrays), rtol=1e-6, atol=1e-6)
 
 
 def test_masked_values_are_not_read(log):
@@ -80,10 +77,10 @@ def test_masked_values_are_not_read(log):
 def test_a_warning_has_a_category_and_the_line_of_the_call(log, monkeypatch):
     monkeypatch.setattr("imuloop.chain.stages", tuple)
     gap = log.drop(index=range(300, 330))
-    for call in (imuloop.read, lambda each: imuloop.calibrate(each, progress=False)):
-        with pytest.warns(ImuloopWarning, match="1 gap") as found:
+    for call in (imuloop.read, lambda rows: imuloop.calibrate(rows, progress=False)):
+        with pytest.warns(ImuloopWarning, match="1 gap") as raised:
             call(gap)
-        of = {w.filename for w in found if w.category is ImuloopWarning}
+        of = {w.filename for w in raised if w.category is ImuloopWarning}
         assert of == {__file__}
     with warnings.catch_warnings():
         warnings.simplefilter("error", ImuloopWarning)
@@ -95,5 +92,5 @@ def test_arrays_at_a_rate_need_no_time(log, monkeypatch):
     monkeypatch.setattr("imuloop.chain.stages", tuple)
     arrays = {"acceleration": log[FORCE].to_numpy(), "angular_rate": log[TURN].to_numpy()}
     result = imuloop.calibrate(**arrays, rate=50, progress=False)
-    found = read_samples(result.device.sessions["multi_position_1"]["samples"])
-    pd.testing.assert_frame_equal(found, imuloop.read(log), rtol=1e-6)
+    samples = read_samples(result.device.sessions["multi_position_1"]["samples"])
+    pd.testing.assert_frame_equal(samples, imuloop.read(log), rtol=1e-6)

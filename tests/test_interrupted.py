@@ -37,9 +37,9 @@ def logs(folder):
 
 def environment():
     library = os.path.dirname(os.path.dirname(imuloop.__file__))
-    given = {"PYTHONPATH": library, "OPENBLAS_NUM_THREADS": "1"}
+    variables = {"PYTHONPATH": library, "OPENBLAS_NUM_THREADS": "1"}
     # lines are then written when the program ends
-    return {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"} | given
+    return {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"} | variables
 
 
 @pytest.mark.parametrize(
@@ -66,9 +66,9 @@ def test_ctrl_c_is_one_line_and_status_130(command, when, tmp_path):
 
 def test_a_closed_pipe_is_silent(tmp_path):
     logs(tmp_path)
-    given = [sys.executable, "-m", "imuloop", "info", "log.csv"]
+    command = [sys.executable, "-m", "imuloop", "info", "log.csv"]
     with subprocess.Popen(
-        given, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        command, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
         process.stdout.close()
         assert process.stderr.read() == b""

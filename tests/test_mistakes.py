@@ -44,10 +44,10 @@ def test_a_mistake_in_python_is_one_line_with_its_cause(mistake, log, recwarn):
     def named(value):
         return names.get(value, value) if isinstance(value, str) else value
 
-    given = map(named, mistake.get("given", ["T", "F", "W"]))
+    logs = map(named, mistake.get("given", ["T", "F", "W"]))
     how = {key: named(value) for key, value in mistake.get("how", {}).items()}
     with pytest.raises(ImuloopError) as raised:
-        imuloop.calibrate(*given, **how, progress=False)
+        imuloop.calibrate(*logs, **how, progress=False)
     line = str(raised.value)
     assert mistake["says"] in line and "\n" not in line
     # nothing of where a log in memory was put
@@ -58,10 +58,10 @@ def test_a_mistake_in_python_is_one_line_with_its_cause(mistake, log, recwarn):
 ALLAN = {"text": ("x", 1), "no rate": (F, 0), "three dimensions": (np.ones((9, 9, 9)), 1)}
 
 
-@pytest.mark.parametrize("given", ALLAN)
-def test_what_has_no_allan_deviation(given):
+@pytest.mark.parametrize("name", ALLAN)
+def test_what_has_no_allan_deviation(name):
     with pytest.raises(ImuloopError, match=r"^(values|rate): "):
-        imuloop.allan(*ALLAN[given])
+        imuloop.allan(*ALLAN[name])
 
 
 def test_what_is_read_and_applied_by_mistake(log):

@@ -67,11 +67,11 @@ def test_the_reason_stands_where_the_numbers_would_be(tmp_path):
     moving_log("flight", 4).to_csv(tmp_path / "log.csv", index=False)
     how = {"folder": tmp_path / "out", "progress": False}
     with hurry("device"):
-        found = imuloop.calibrate([], static=tmp_path / "log.csv", **how)
-    assert all(axis.N.size is None for axis in found.noise.values())
+        result = imuloop.calibrate([], static=tmp_path / "log.csv", **how)
+    assert all(axis.N.size is None for axis in result.noise.values())
     notes = read_json(tmp_path / "out/noise.json")["notes"]
     assert any("no session holds a rest" in note for note in notes)
-    static = found.diagnosis["sensors"]["gyroscope"]["static_record"]
+    static = result.diagnosis["sensors"]["gyroscope"]["static_record"]
     assert static["verdict"] == "not_testable" and static["why"]
 
 

@@ -16,13 +16,15 @@ NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?"
 def test_the_notebook_gives_what_is_stored_in_it(repository):
     stored = json.loads((repository / "docs/using.ipynb").read_text())
     with hurry("device"):
-        found = run(stored)
-    for cell, outputs in zip(code_cells(stored), found, strict=True):
+        results = run(stored)
+    for cell, outputs in zip(code_cells(stored), results, strict=True):
         kinds = [out["output_type"] for out in cell["outputs"]]
         assert [out["output_type"] for out in outputs] == kinds
-        printed = [text(each) for each in (outputs, cell["outputs"])]
-        words = [re.sub(NUMBER, "#", each) for each in printed]
+        printed = [text(cell_outputs) for cell_outputs in (outputs, cell["outputs"])]
+        words = [re.sub(NUMBER, "#", cell_outputs) for cell_outputs in printed]
         assert words[0] == words[1]
         # another processor rounds otherwise
-        values = [np.array(re.findall(NUMBER, each), dtype=float) for each in printed]
+        values = [
+            np.array(re.findall(NUMBER, cell_outputs), dtype=float) for cell_outputs in printed
+        ]
         np.testing.assert_allclose(*values, rtol=0.05, atol=0.05)

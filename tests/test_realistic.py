@@ -13,7 +13,7 @@ from bench.realistic.device import (
     CHANNELS,
     record,
 )
-from bench.realistic.judge import errors, judge, outcome
+from bench.realistic.judge import errors, outcome
 from bench.realistic.plain import fit
 from quick import hurry
 
@@ -21,11 +21,11 @@ from quick import hurry
 FEW = 46
 
 
-def sense(made):
+def sense(log):
     f, w = (
-        np.column_stack([made.columns[n] for n in names]) for names in (CHANNELS[:3], CHANNELS[3:])
+        np.column_stack([log.columns[n] for n in names]) for names in (CHANNELS[:3], CHANNELS[3:])
     )
-    return made.columns["t"], f, w
+    return log.columns["t"], f, w
 
 
 # the study is blind only as long as neither knows imuloop
@@ -40,35 +40,33 @@ def test_generator_and_plain_fit_share_no_code_with_imuloop(repository, name):
 
 # the truth must not come from the plain fit
 def test_plain_fit_of_a_log_without_noise_gives_the_truth():
-    made = record(FEW, noise=False)
-    t, f, w = sense(made)
-    accelerometer, gyroscope = fit(t, f, w, made.rests)
-    for found, true, near in (
-        (accelerometer, made.accelerometer, 1e-7),
-        (gyroscope, made.gyroscope, 1e-5),
+    log = record(FEW, noise=False)
+    t, f, w = sense(log)
+    accelerometer, gyroscope = fit(t, f, w, log.rests)
+    for fitted, true, near in (
+        (accelerometer, log.accelerometer, 1e-7),
+        (gyroscope, log.gyroscope, 1e-5),
     ):
         for name in "TKb":
-            assert getattr(found, name) == pytest.approx(getattr(true, name), abs=near), name
-    own = errors(made, lambda f, w, t, _: (accelerometer.corrected(f), gyroscope.corrected(w)))
-    assert own["accelerometer"] < 1e-6 and own["gyroscope"] < 2e-5
+            assert getattr(fitted, name) == pytest.approx(getattr(true, name), abs=near), name
+    error = errors(log, lambda f, w, t, _: (accelerometer.corrected(f), gyroscope.corrected(w)))
+    assert error["accelerometer"] < 1e-6 and error["gyroscope"] < 2e-5
     # three rests do not determine nine parameters
-    assert fit(t, f, w, made.rests[:3]) == (None, None)
+    assert fit(t, f, w, log.rests[:3]) == (None, None)
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(0.0, "consistent"), (3e-3, "not_testable")])
-def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, error, verdict):
+def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path):
     """With another error of the angular rate, rad/s, in each move it cannot be told from this."""
-    made, rng = record(14, "settle"), np.random.default_rng(1)
-    t = made.columns["t"]
-    for (_, start), (end, _) in zip(made.rests, made.rests[1:], strict=False):
+    log, rng = record(14, "settle"), np.random.default_rng(1)
+    t = log.columns["t"]
+    for (_, start), (end, _) in zip(log.rests, log.rests[1:], strict=False):
         for name in CHANNELS[3:]:
-            made.columns[name][(t > start) & (t < end)] += error * rng.normal()
-    made.write(tmp_path / "log.csv")
+            log.columns[name][(t > start) & (t < end)] += 3e-3 * rng.normal()
+    log.write(tmp_path / "log.csv")
     with hurry("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
     poses = result.diagnosis["sensors"]["gyroscope"]["poses"]
-    assert poses["verdict"] == verdict
-    assert ("the device moved in 1" in poses.get("why", "")) == (error > 0)
+    assert poses["verdict"] == "not_testable" and "the device moved in 1" in poses["why"]
     # nothing is said of the first half minute at rest: it is not a static record
     still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
     assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
@@ -77,23 +75,16 @@ def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, error, v
 # nine parameters of gravity's norm they determine badly; with the turns between them well
 @pytest.mark.parametrize("case", ["faces", "lossy"])
 def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
-    made = record(FEW, case)
-    made.write(tmp_path / "log.csv")
+    log = record(FEW, case)
+    log.write(tmp_path / "log.csv")
     with hurry("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
-    found = outcome(made, result)
-    assert max(found["ratios"].values()) < (0.5 if case == "faces" else 1.5)
-    pulled = [abs(pull) for sensor in found["pulls"].values() for pull in sensor.values()]
+    figures = outcome(log, result)
+    assert max(figures["ratios"].values()) < (0.5 if case == "faces" else 1.5)
+    pulled = [abs(pull) for sensor in figures["pulls"].values() for pull in sensor.values()]
     assert len(pulled) == 21 and max(pulled) < 4
     motion = result.diagnosis["sensors"]["gyroscope"]["motion"]
     assert motion["verdict"] == ("consistent" if case == "faces" else "not_testable")
     assert ("log every sample" in motion.get("why", "")) == (case == "lossy")
     # rows that are lost make no rate too small
-    assert not [note for note in found["notes"] if "off by as much" in note]
-
-
-def test_a_jump_of_both_biases_is_found_although_a_hand_trembles():
-    with hurry("imu"):
-        found = judge(771002, "all")
-    assert max(found["ratios"].values()) < 0.1
-    assert [effects["poses"] for effects in found["effects"].values()] == [["steps"], ["steps"]]
+    assert not [note for note in figures["notes"] if "off by as much" in note]

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 import imuloop
 from bench.study.chain import run_stages
-from calibrated import calibrated_device
 from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
@@ -27,15 +26,8 @@ FORCE, TURN = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("device")
-    calibrated_device(folder, 14, 20.0, 1)
-    return folder / "1.csv"
-
-
-@pytest.fixture(scope="module")
-def log(path):
-    return pd.read_csv(path)
+def log(device):
+    return pd.read_csv(device / "1.csv")
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +36,12 @@ def result(log):
         return imuloop.calibrate(log["t"], log[FORCE], log[TURN], progress=False)
 
 
-def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
-    device = chain.Device("device", tmp_path, {"poses": "multi_position"})
-    chain.ingest(device, "poses", {}, [path])
+def test_arrays_give_the_numbers_of_the_workflow(result, device, tmp_path):
+    imu = chain.Device("device", tmp_path, {"poses": "multi_position"})
+    chain.ingest(imu, "poses", {}, [device / "1.csv"])
     with hurry("device"):
-        run_stages(device)
-    chain.export(device)
+        run_stages(imu)
+    chain.export(imu)
     theirs = imuloop.Calibration.from_json(tmp_path / "calibration.json")
     for sensor in ("accelerometer", "gyroscope"):
         mine, other = getattr(result.calibration, sensor), getattr(theirs, sensor)
@@ -96,10 +88,10 @@ def test_a_report_leads_to_the_files_that_are_kept(result, log, tmp_path, monkey
     kept = tmp_path / "my results"
     # of the same log the stages have made their files before
     monkeypatch.setattr("imuloop.chain.stages", tuple)
-    made = imuloop.calibrate(log["t"], log[FORCE], log[TURN], folder=kept, progress=False)
+    kept_result = imuloop.calibrate(log["t"], log[FORCE], log[TURN], folder=kept, progress=False)
     shutil.copytree(result.device.folder, kept, dirs_exist_ok=True)
     (tmp_path / "pages").mkdir()
-    page = made.report(tmp_path / "pages/report.html")
+    page = kept_result.report(tmp_path / "pages/report.html")
     text = page.read_text()
     links = set(re.findall(r'href="([^#"][^"]*)"', text))
     assert len(links) > 20 and all((page.parent / unquote(link)).exists() for link in links)
@@ -116,10 +108,14 @@ def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
         assert "\n" not in repr(shown) and len(repr(shown)) < 300
     table = calibration.parameters().set_index(["sensor", "parameter"])
     for sensor, unit in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s")):
-        found, own = getattr(calibration, sensor), table.loc[sensor]
-        assert {name: own.loc[name, "std"] for name in found.std} == pytest.approx(found.std)
-        assert own.loc[["b0", "b1", "b2"], "value"].tolist() == found.b.tolist()
-        assert own.loc["b0", "unit"] == unit and own.loc["T01", "value"] == found.T[0, 1]
+        sensor_fit, rows_of = getattr(calibration, sensor), table.loc[sensor]
+        assert {name: rows_of.loc[name, "std"] for name in sensor_fit.std} == pytest.approx(
+            sensor_fit.std
+        )
+        assert rows_of.loc[["b0", "b1", "b2"], "value"].tolist() == sensor_fit.b.tolist()
+        assert (
+            rows_of.loc["b0", "unit"] == unit and rows_of.loc["T01", "value"] == sensor_fit.T[0, 1]
+        )
     for html in (calibration._repr_html_(), result._repr_html_()):
         rows = [re.findall("<td>(.*?)</td>", row, re.S) for row in html.split("<tr>")]
         rows = {tuple(row[:2]): row[2:] for row in rows if row}
@@ -183,9 +179,9 @@ def test_a_table_of_each_sensor(log, result, tmp_path):
     pd.testing.assert_frame_equal(imuloop.read(files), imuloop.read(log))
 
 
-def test_logs_of_every_kind_are_sessions_of_one_device(log, path, tmp_path, monkeypatch):
+def test_logs_of_every_kind_are_sessions_of_one_device(log, device, tmp_path, monkeypatch):
     monkeypatch.setattr("imuloop.chain.stages", tuple)
-    rest = log[log["t"] < 15]
+    rest, path = log[log["t"] < 15], device / "1.csv"
     at_rest = (rest["t"], rest[FORCE], rest[TURN])
     how = {"static": at_rest, "six_position": path, "folder": tmp_path, "progress": False}
     result = imuloop.calibrate([path, log], **how)
@@ -234,25 +230,26 @@ def test_the_package_says_what_it_has():
         _ = imuloop.nothing
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_a_scale_that_no_sensor_has_is_not_consistent(log, tmp_path, capsys):
     """Protects users of a log that is off by a factor without a name: its fit is a good one."""
     factor, scale = 1.35, "0.73"
     with hurry("device"):
         force = np.asarray(log[FORCE])
-        found = imuloop.calibrate(log["t"], force, factor * log[TURN], progress=False)
+        scaled = imuloop.calibrate(log["t"], force, factor * log[TURN], progress=False)
     why = f"K of x is {scale}"
-    block = found.diagnosis["sensors"]["gyroscope"]["poses"]
+    block = scaled.diagnosis["sensors"]["gyroscope"]["poses"]
     assert block["verdict"] == "not_testable" and why in block["why"]
-    assert found.diagnosis["sensors"]["accelerometer"]["poses"]["verdict"] == "consistent"
-    assert why in found.calibration.gyroscope.not_testable and why in str(found)
-    assert any(why in line for line in found.calibration.limits())
-    found.export(tmp_path)
+    assert scaled.diagnosis["sensors"]["accelerometer"]["poses"]["verdict"] == "consistent"
+    assert why in scaled.calibration.gyroscope.not_testable and why in str(scaled)
+    assert any(why in line for line in scaled.calibration.limits())
+    scaled.export(tmp_path)
     assert any(why in file.read_text() for file in tmp_path.glob("*.txt"))
-    found.report(tmp_path / "report.html")
+    scaled.report(tmp_path / "report.html")
     assert why in (tmp_path / "report.html").read_text()
     # a calibration of an older version, too
-    found.calibration.to_json(tmp_path / "calibration.json")
-    shutil.copy(found.device.file("noise.json"), tmp_path)
+    scaled.calibration.to_json(tmp_path / "calibration.json")
+    shutil.copy(scaled.device.file("noise.json"), tmp_path)
     (factor * log[TURN]).join(log.drop(columns=TURN)).to_csv(tmp_path / "log.csv")
     main(["check", str(tmp_path / "calibration.json"), str(tmp_path / "log.csv")])
     assert why in capsys.readouterr().out

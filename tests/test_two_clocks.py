@@ -5,23 +5,26 @@ import zipfile
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
 
 import imuloop
+from calibrate.devices import plan_session, without_noise
 from imuloop import chain
 from imuloop.core.files import read_json
-from imuloop.core.samples import Samples
+from imuloop.core.samples import CHANNELS, Samples
 from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+from quick import hurry
 
 # white noise, m/s^2/√Hz and rad/s/√Hz
 FORCE_NOISE, RATE_NOISE = 1e-3, 1.7e-4
 # acceleration and angular rate, Hz: slow and fast, nearly equal, fast and slow
-RATES = [(62.5, 400), (100, 100.3), (400, 50)]
+RATES = [(62.5, 400), (100, 100.3), pytest.param(400, 50, marks=pytest.mark.study)]
 
 
 def stamps(seconds, rate, start=0.0):
@@ -64,43 +67,23 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, tmp_path, force_rate
     session = RecordedSession("log", "static", samples, segments)
     noise = estimate_noise("imu", [session], NoiseSettings())
     curves = pd.DataFrame(session_curves(session, NoiseSettings())).groupby("axis").first()
-    for sensor, axes, density, hertz in (
+    for sensor, axes, density, rate_hz in (
         ("accelerometer", ["ax", "ay", "az"], FORCE_NOISE, force_rate),
         ("gyroscope", ["gx", "gy", "gz"], RATE_NOISE, turn_rate),
     ):
-        np.testing.assert_allclose(noise.rates_hz[sensor], hertz, rtol=1e-3)
+        np.testing.assert_allclose(noise.rates_hz[sensor], rate_hz, rtol=1e-3)
         densities = [noise.model.axes[axis].N.value for axis in axes]
         np.testing.assert_allclose(densities, density, rtol=0.05)
-        np.testing.assert_allclose(curves.loc[axes, "tau_s"], 1 / hertz, rtol=1e-3)
-        np.testing.assert_allclose(curves.loc[axes, "adev"], density * np.sqrt(hertz), rtol=0.05)
+        np.testing.assert_allclose(curves.loc[axes, "tau_s"], 1 / rate_hz, rtol=1e-3)
+        np.testing.assert_allclose(curves.loc[axes, "adev"], density * np.sqrt(rate_hz), rtol=0.05)
     # nothing is said of what merging two clocks alone would do
     assert not [note for note in noise.notes if "power is lacking" in note]
     assert "a value is held" not in str(read_json(device.sessions["log"]["quality"])["warnings"])
 
 
-def turning_device(t, rng):
-    """Return specific force and angular rate of a device that is turned from rest to rest."""
-    begin, length, rest = 20.0, 1.5, 4.0
-    attitude, force = Rotation.identity(), np.zeros((len(t), 3))
-    rate, start = np.zeros((len(t), 3)), 0.0
-    for number in range(25):
-        axis = rng.normal(size=3)
-        axis *= rng.uniform(1.2, 2.6) / np.linalg.norm(axis)
-        still = (t >= start) & (t < begin)
-        force[still] = attitude.inv().apply([0, 0, 9.80665])
-        # the turn about one axis begins and ends smoothly
-        moving = (t >= begin) & (t < begin + length)
-        phase = (t[moving] - begin) / length
-        angle = phase - np.sin(2 * np.pi * phase) / (2 * np.pi)
-        rate[moving] = axis * ((1 - np.cos(2 * np.pi * phase)) / length)[:, None]
-        along = attitude * Rotation.from_rotvec(axis * angle[:, None])
-        force[moving] = along.inv().apply([0, 0, 9.80665])
-        attitude = attitude * Rotation.from_rotvec(axis)
-        start, begin = begin + length, begin + length + rest
-        rest = 4.0 + number % 3
-    last = t >= start
-    force[last] = attitude.inv().apply([0, 0, 9.80665])
-    return force, rate
+def sensed(log, t, axes):
+    """Return three axes of a log without noise at other stamps, (n, 3)."""
+    return np.column_stack([np.interp(t, log["t"], log[axis]) for axis in axes])
 
 
 @pytest.mark.parametrize(
@@ -108,22 +91,21 @@ def turning_device(t, rng):
     [(62.5, 400), *(pytest.param(*r, marks=pytest.mark.study) for r in ((100, 100.3), (400, 100)))],
 )
 def test_a_calibration_is_as_good_as_of_one_clock(export, force_rate, turn_rate):
-    scales = np.array([1.01, 0.99, 1.005]), np.array([0.99, 1.012, 1.004])
-    t_force, t_rate = stamps(170, force_rate), stamps(170, turn_rate, 0.0031)
-    rng = np.random.default_rng(4)
-    force, _ = turning_device(t_force, np.random.default_rng(9))
-    _, rate = turning_device(t_rate, np.random.default_rng(9))
-    force = add_noise(force / scales[0] + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
-    rate = add_noise(rate / scales[1] + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
-    device = imuloop.calibrate(export(t_force, force, t_rate, rate))
-    sensors = ("accelerometer", "gyroscope")
-    for sensor, scale, limit in zip(sensors, scales, (3e-4, 1e-3), strict=True):
-        fit = getattr(device.calibration, sensor)
+    truth = plan_session(example_truth(rate=800.0), poses=24, initial_rest_s=20.0)
+    log, rng = simulate_session(without_noise(truth), "multi_position", 9), np.random.default_rng(4)
+    seconds = log["t"].iloc[-1] - 0.1
+    t_force, t_rate = stamps(seconds, force_rate), stamps(seconds, turn_rate, 0.0031)
+    force = add_noise(sensed(log, t_force, CHANNELS[:3]), FORCE_NOISE, force_rate, rng)
+    rate = add_noise(sensed(log, t_rate, CHANNELS[3:]), RATE_NOISE, turn_rate, rng)
+    with hurry("device"):
+        device = imuloop.calibrate(export(t_force, force, t_rate, rate), name="device")
+    for sensor, limit in (("accelerometer", 3e-4), ("gyroscope", 1e-3)):
+        fitted, scale = getattr(device.calibration, sensor), getattr(truth, sensor).K
         verdicts = device.diagnosis["sensors"][sensor]
         # within four of its own errors, and those are small
-        error = np.array([fit.std[f"K{k}"] for k in range(3)])
+        error = np.array([fitted.std[f"K{k}"] for k in range(3)])
         assert (error < limit).all()
-        assert (np.abs(fit.K - scale) < 4 * error).all(), (fit.K - scale) / error
+        assert (np.abs(fitted.K - scale) < 4 * error).all(), (fitted.K - scale) / error
         assert verdicts["poses"]["verdict"] == "consistent"
         # a slow accelerometer misses what a move does
         if force_rate < 0.9 * turn_rate:

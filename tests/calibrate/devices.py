@@ -58,8 +58,8 @@ def recording(truth, seed, session="multi_position"):
 def calibrate_recording(recording, noise, gravity, prior=None, turns=None, units=UNITS, **settings):
     """Return the accelerometer's and the gyroscope's calibration by a recording."""
     how = units, CalibrateSettings(**settings), prior, turns
-    made = calibrate_sensors(recording, noise, gravity, *how)
-    return made["accelerometer"], made["gyroscope"]
+    sensors = calibrate_sensors(recording, noise, gravity, *how)
+    return sensors["accelerometer"], sensors["gyroscope"]
 
 
 def at_rest(f, error=1e-5):
@@ -95,15 +95,15 @@ def true_parameters(truth):
     return np.concatenate([of_force, a.K, a.b, of_turn, g.K, g.b])
 
 
-def true_fit(truth, made, moves=True, **how):
+def true_fit(truth, log, moves=True, **how):
     """Return the JointFit of a recording at the true parameters, and these.
 
     With the velocity of all moves, or without any; others as in Factors.
     """
     x, noise, factors = true_parameters(truth), known_noise(truth), Factors(truth.gravity, **how)
     if moves:
-        factors = replace(factors, quiet=np.ones(len(made.rotations), dtype=bool))
-        factors = factors.without_rotation(made, State(x), noise)
+        factors = replace(factors, quiet=np.ones(len(log.rotations), dtype=bool))
+        factors = factors.without_rotation(log, State(x), noise)
     return JointFit(factors, noise, UNITS, x), x
 
 
@@ -128,8 +128,8 @@ def in_counts(sensor, scale, offset=32768.0):
     unit = RawUnit("count", scale, offset)
     factor = np.array([{"K": scale, "b": 1 / scale}.get(name[0], 1.0) for name in sensor.names])
     covariance = sensor.covariance * np.outer(factor, factor)
-    known = {"K": sensor.K * scale, "b": unit.from_si(sensor.b), "covariance": covariance}
-    return replace(sensor, raw_unit=unit, **known)
+    values = {"K": sensor.K * scale, "b": unit.from_si(sensor.b), "covariance": covariance}
+    return replace(sensor, raw_unit=unit, **values)
 
 
 def scores(calibration, truth, names):

@@ -82,12 +82,12 @@ def log(rate, seed, truth, poses=40):
     change = np.gradient(w, 1 / RATE, axis=0)
     f = truth.gravity * body + np.cross(change, ARM) + np.cross(w, np.cross(w, ARM))
     step = round(RATE / rate)
-    kept, found = slice(rng.integers(step), None, step), {}
+    kept, columns = slice(rng.integers(step), None, step), {}
     for values, names, sensor in (
         (f, ACCELERATION, truth.accelerometer),
         (w, ANGULAR_RATE, truth.gyroscope),
     ):
         u = values[kept] @ np.linalg.inv(sensor.T).T
         u = u + np.array(sensor.noise.N) * np.sqrt(rate) * rng.standard_normal(u.shape)
-        found |= dict(zip(names, (u / sensor.K + sensor.b).T, strict=True))
-    return pd.DataFrame({TIME: np.arange(len(u)) / rate, **found})
+        columns |= dict(zip(names, (u / sensor.K + sensor.b).T, strict=True))
+    return pd.DataFrame({TIME: np.arange(len(u)) / rate, **columns})

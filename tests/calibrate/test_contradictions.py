@@ -29,8 +29,8 @@ def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
         up += rng.normal(0, tilt, (20, 3))
         up[-1] = 0.1, -0.1, 1.0
         up /= np.linalg.norm(up, axis=1)[:, None]
-        made = record_samples(simulate_plan(TRUTH, up[0], turns_between(up), seed))
+        recording = record_samples(simulate_plan(TRUTH, up[0], turns_between(up), seed))
         for size in (1e-3, 3e-3):
-            norm = 1 + rng.normal(0, size, len(made.poses))
-            poses = replace(made.poses, f=made.poses.f * norm[:, None])
-            assert not odd_turns(replace(made, poses=poses))[0].any()
+            norm = 1 + rng.normal(0, size, len(recording.poses))
+            poses = replace(recording.poses, f=recording.poses.f * norm[:, None])
+            assert not odd_turns(replace(recording, poses=poses))[0].any()

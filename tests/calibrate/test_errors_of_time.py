@@ -24,8 +24,8 @@ SEEDS = 3
 
 
 def of_log(log):
-    made = record_samples(log)
-    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
+    recording = record_samples(log)
+    return *calibrate_recording(recording, NOISE, TRUTH.gravity), recording
 
 
 def in_order(log):
@@ -44,28 +44,28 @@ HARMS = {
 # without harm intervals are tested in tests/estimate/test_joint_fit.py
 @pytest.mark.parametrize("harm", HARMS)
 def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
-    found = []
+    results = []
     for seed in range(100, 100 + SEEDS):
         log = simulate_session(TRUTH, "multi_position", seed)
-        force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
+        force, turn, recording = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
-        assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
-        assert made.rotations.time_covariance.any()
-        found.append((pulls(force, turn), turn.reduced_chi2))
-    each, chi2 = (np.array(part) for part in zip(*found, strict=True))
+        assert recording.lost.rotations - recording.lost.left_out == len(recording.rotations) >= 37
+        assert recording.rotations.time_covariance.any()
+        results.append((pulls(force, turn), turn.reduced_chi2))
+    errors, chi2 = (np.array(part) for part in zip(*results, strict=True))
     # the mean score has a standard error of 1/sqrt(SEEDS)
-    drift = each.mean(axis=0) * np.sqrt(SEEDS)
+    drift = errors.mean(axis=0) * np.sqrt(SEEDS)
     assert np.all(np.abs(drift) < 3.3), drift
     # of 63 scores, some of which correlate within a device
-    assert (np.abs(each) < 1.96).mean() >= 0.88
+    assert (np.abs(errors) < 1.96).mean() >= 0.88
     assert np.mean(chi2) == pytest.approx(1, abs=0.25)
 
 
 def pulls(force, turn):
     """Return the errors of T, K and b of both sensors, in their standard errors."""
     names = NAMES.values()
-    each = zip((force, turn), (TRUTH.accelerometer, TRUTH.gyroscope), names, strict=True)
-    return np.concatenate([scores(*one) for one in each])
+    calibrations = zip((force, turn), (TRUTH.accelerometer, TRUTH.gyroscope), names, strict=True)
+    return np.concatenate([scores(*one) for one in calibrations])
 
 
 def test_turns_lost_to_gaps_are_counted_and_named():
@@ -74,11 +74,11 @@ def test_turns_lost_to_gaps_are_counted_and_named():
     moves = segments[segments["kind"] == "motion"]
     middle = ((moves["start_s"] + moves["end_s"]) / 2).to_numpy()[3:]
     lost = (np.abs(log[TIME].to_numpy()[:, None] - middle) < 0.2).any(axis=1)
-    left = log[~lost].reset_index(drop=True)
-    longest = round(left[TIME].diff().max() * 100) - 1
-    _, fitted, made = of_log(left)
-    assert len(made.rotations) == 3 and fitted.method == "multi_position"
-    assert too_few(made)["gyroscope"] == (
+    rest = log[~lost].reset_index(drop=True)
+    longest = round(rest[TIME].diff().max() * 100) - 1
+    _, fitted, recording = of_log(rest)
+    assert len(recording.rotations) == 3 and fitted.method == "multi_position"
+    assert too_few(recording)["gyroscope"] == (
         "calibrated; too few turns to test for missing effects: 3 turns between poses, 6 needed; "
         f"{len(middle)} of {len(moves)} turns lost up to {longest} samples in a row and are left "
         "out"
@@ -96,8 +96,8 @@ def calibrated_from_file(log, folder):
     rails = read_metadata(paths["samples"])["rails"]
     table = segment_session(samples, paths["kind"], SegmentSettings(), rails=rails)[0]
     write_table(paths["segments"], table)
-    made = read_recording({"s": paths}, 30.0)
-    return *calibrate_recording(made, NOISE, TRUTH.gravity), made
+    recording = read_recording({"s": paths}, 30.0)
+    return *calibrate_recording(recording, NOISE, TRUTH.gravity), recording
 
 
 # channels, the ends of their range as a share of the largest value, and what is said where nearly
@@ -116,17 +116,17 @@ def test_what_is_beyond_the_range_is_left_out_and_pulls_nothing(clipped, tmp_pat
     log = simulate_session(TRUTH, "multi_position", 106)
     size = log[list(channels)].abs().max().max() if channels == ANGULAR_RATE else 1.0
     log[list(channels)] = log[list(channels)].clip(low * size, high * size)
-    force, turn, made = calibrated_from_file(log, tmp_path)
+    force, turn, recording = calibrated_from_file(log, tmp_path)
     if why:
-        assert why in (force.not_testable or too_few(made)["gyroscope"])
+        assert why in (force.not_testable or too_few(recording)["gyroscope"])
         # the rests still know the bias
         if channels == ANGULAR_RATE:
             np.testing.assert_allclose(turn.b, TRUTH.gyroscope.b, atol=1e-4)
         return
     lost, total = (
-        (made.lost.clipped, made.lost.rotations)
+        (recording.lost.clipped, recording.lost.rotations)
         if channels == ANGULAR_RATE
-        else (made.lost.railed, len(made.poses))
+        else (recording.lost.railed, len(recording.poses))
     )
     assert 0 < lost < 0.5 * total
     assert np.abs(pulls(force, turn)).max() < 4
@@ -141,8 +141,8 @@ def test_a_move_in_which_the_accelerometer_is_at_the_end_of_its_range_is_none():
     k = 3
     inside = (log[TIME] > whole.rotations.start_s[k]) & (log[TIME] < whole.rotations.end_s[k])
     log.loc[inside[inside].index[5:7], "ay"] = 30.0
-    made = record([log], [segments], 30.0, [{"ay": (None, 30.0)}])
+    recording = record([log], [segments], 30.0, [{"ay": (None, 30.0)}])
     # its turn counts as before
-    assert len(made.rotations) == len(whole.rotations)
-    beyond = np.isnan(knocks(made, np.zeros(3)))
+    assert len(recording.rotations) == len(whole.rotations)
+    beyond = np.isnan(knocks(recording, np.zeros(3)))
     assert np.flatnonzero(beyond).tolist() == [k]

@@ -27,8 +27,8 @@ BIAS = np.array([0.004, -0.002, 0.001])
 def calibrate_device(folder, kinds, declared, paths):
     device = Device("d", folder, kinds)
     for name in kinds:
-        own = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}
-        chain.ingest(device, name, own, [paths[name]])
+        keys = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}
+        chain.ingest(device, name, keys, [paths[name]])
     run_stages(device, (chain.segment, chain.noise, chain.calibrate))
     return device
 
@@ -60,11 +60,11 @@ def turntable(tmp_path_factory):
 
 
 def test_turntable_gives_scale_and_axes(turntable):
-    found = Calibration.from_json(turntable.file("multi_position.json")).gyroscope
-    assert found.method == "known_rotation"
-    np.testing.assert_allclose(found.K, K, atol=3e-4)
-    np.testing.assert_allclose(found.T, T, atol=3e-4)
-    np.testing.assert_allclose(found.b, BIAS, atol=2e-4)
+    gyroscope = Calibration.from_json(turntable.file("multi_position.json")).gyroscope
+    assert gyroscope.method == "known_rotation"
+    np.testing.assert_allclose(gyroscope.K, K, atol=3e-4)
+    np.testing.assert_allclose(gyroscope.T, T, atol=3e-4)
+    np.testing.assert_allclose(gyroscope.b, BIAS, atol=2e-4)
     six = Calibration.from_json(turntable.file("six_position.json")).accelerometer
     assert six.not_testable == "no six_position session with a pose"
 
@@ -82,6 +82,6 @@ def fit(device, turns, chosen):
 def test_turns_about_one_axis_leave_the_data_sheet_for_the_others(turntable):
     calibration = Calibration.from_json(turntable.file("multi_position.json"))
     turns = read_turns(turntable.sessions, calibration.accelerometer)
-    made = fit(turntable, turns, slice(0, 2))
-    assert made.K[0] == pytest.approx(K[0], abs=3e-4)
-    assert {"K1", "K2"} <= set(made.unimproved) and "K0" not in made.unimproved
+    gyroscope = fit(turntable, turns, slice(0, 2))
+    assert gyroscope.K[0] == pytest.approx(K[0], abs=3e-4)
+    assert {"K1", "K2"} <= set(gyroscope.unimproved) and "K0" not in gyroscope.unimproved

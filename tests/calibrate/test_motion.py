@@ -33,8 +33,8 @@ def test_what_was_put_in_comes_back(name):
     truth = inject_effect(name, true, without_noise(short_moves(poses=30)))
     one = recording(truth, 2)
     effect = SensorEffect(effect, effect.sensors[0])
-    found = true_fit(truth, one)[0].fit(one, (effect,)).x[-len(true) :]
-    np.testing.assert_allclose(found, [*true.values()], rtol=0.02, atol=0.01 * SIZE[name])
+    fitted = true_fit(truth, one)[0].fit(one, (effect,)).x[-len(true) :]
+    np.testing.assert_allclose(fitted, [*true.values()], rtol=0.02, atol=0.01 * SIZE[name])
 
 
 def inject_effect(name, true, truth):

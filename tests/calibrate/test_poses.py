@@ -32,18 +32,20 @@ LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),
 
 @pytest.mark.parametrize("axis", [1, 5])
 @pytest.mark.parametrize(
-    ("own", "variance", "what"),
+    ("axis_noise", "variance", "what"),
     [
         (AxisNoise(), 0.0, "never changes within a pose"),
         (LINES, 1.0, "shows lines and no noise beside them"),
     ],
 )
-def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, what):
-    made, known = recording(TRUTH, 0), known_noise(TRUTH)
+def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, axis_noise, variance, what):
+    recording_of_poses, noise_of_all = recording(TRUTH, 0), known_noise(TRUTH)
     factor = np.where(np.arange(6) == axis, variance, 1.0)
-    poses = replace(made.poses, variance=made.poses.variance * factor)
-    noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: own})
-    force, turn = calibrate_recording(replace(made, poses=poses), noise, TRUTH.gravity)
+    poses = replace(recording_of_poses.poses, variance=recording_of_poses.poses.variance * factor)
+    noise = NoiseModel("d", {**noise_of_all.axes, CHANNELS[axis]: axis_noise})
+    force, turn = calibrate_recording(
+        replace(recording_of_poses, poses=poses), noise, TRUTH.gravity
+    )
     reason = f"{CHANNELS[axis]} {what}: its noise is not known"
     for sensor, silent in ((force, axis < 3), (turn, axis >= 3)):
         expected = ("nominal", reason) if silent else ("multi_position", None)
@@ -53,13 +55,15 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
 
 
 def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():
-    made, known = recording(TRUTH, 0), known_noise(TRUTH)
+    recording_of_poses, noise = recording(TRUTH, 0), known_noise(TRUTH)
     rng, off = np.random.default_rng(3), 0.01
     count, pulls = 4, []
-    cycle = np.arange(len(made.poses)) * count // len(made.poses)
+    cycle = np.arange(len(recording_of_poses.poses)) * count // len(recording_of_poses.poses)
     for _ in range(400):
-        w = made.poses.w + off * rng.standard_normal((count, 3))[cycle]
-        rest = rest_bias(replace(made.poses, w=w, power_cycle=cycle), known, RATE_UNIT, "bias only")
+        w = recording_of_poses.poses.w + off * rng.standard_normal((count, 3))[cycle]
+        rest = rest_bias(
+            replace(recording_of_poses.poses, w=w, power_cycle=cycle), noise, RATE_UNIT, "bias only"
+        )
         pulls.append((rest.b - TRUTH.gyroscope.b) / [rest.std[f"b{k}"] for k in range(3)])
     # Student's t with three degrees of freedom: within 3.182 in 95 %
     assert np.mean(np.abs(pulls) < student.ppf(0.975, count - 1)) == pytest.approx(0.95, abs=0.02)

@@ -62,7 +62,7 @@ def lag_covariance(axis, n, dt):
 def test_pose_means_are_means_of_samples(name):
     n, dt = 4000, 0.1
     axes = {**dict.fromkeys(CHANNELS, AxisNoise()), "gy": PROCESSES[name]}
-    found = NoiseModel("device", axes).mean_covariance(WINDOWS)
+    covariance = NoiseModel("device", axes).mean_covariance(WINDOWS)
     middle = dt * (np.arange(n) + 0.5)
     average = (WINDOWS[:, :1] < middle) & (middle < WINDOWS[:, 1:])
     average = average / average.sum(axis=1, keepdims=True)
@@ -70,9 +70,9 @@ def test_pose_means_are_means_of_samples(name):
     free = np.eye(6) - 1 / 6
     expected = free @ average @ toeplitz(lag_covariance(PROCESSES[name], n, dt)) @ average.T @ free
     std = np.sqrt(np.diag(expected))
-    error = np.abs(free @ found[4] @ free - expected) / (std[:, None] * std)
+    error = np.abs(free @ covariance[4] @ free - expected) / (std[:, None] * std)
     assert error.max() < 2e-3
-    assert not np.delete(found, 4, axis=0).any()
+    assert not np.delete(covariance, 4, axis=0).any()
     # a ramp is not part of it
     assert not model(AxisNoise(R=coefficient(0.1))).mean_covariance(WINDOWS).any()
 
@@ -87,11 +87,11 @@ def test_adjacent_means_have_the_allan_variance(name, tau):
 
 def test_means_of_different_power_cycles_are_independent():
     cycle = np.arange(len(WINDOWS)) % 2
-    found = model(PROCESSES["all"]).mean_covariance(WINDOWS, cycle)
-    assert not found[:, cycle[:, None] != cycle].any()
+    covariance = model(PROCESSES["all"]).mean_covariance(WINDOWS, cycle)
+    assert not covariance[:, cycle[:, None] != cycle].any()
     for k in (0, 1):
         alone = model(PROCESSES["all"]).mean_covariance(WINDOWS[cycle == k])
-        np.testing.assert_array_equal(found[:, cycle == k][:, :, cycle == k], alone)
+        np.testing.assert_array_equal(covariance[:, cycle == k][:, :, cycle == k], alone)
 
 
 def test_the_file_gives_back_what_was_written(tmp_path):

@@ -44,10 +44,12 @@ def test_over_a_gap_the_rate_is_the_cubic_through_its_neighbours():
     rates = np.column_stack([t**3, 1 - t**2, t])
     step = np.diff(t)
     exact = np.diff(np.column_stack([t**4 / 4, t - t**3 / 3, t**2 / 2]), axis=0) / step[:, None]
-    found = mean_rates(rates, step, step > 0.15)
-    np.testing.assert_allclose(found[2], exact[2], rtol=1e-12)
+    rate_means = mean_rates(rates, step, step > 0.15)
+    np.testing.assert_allclose(rate_means[2], exact[2], rtol=1e-12)
     # elsewhere as without
-    np.testing.assert_array_equal(np.delete(found, 2, 0), np.delete(mean_rates(rates, step), 2, 0))
+    np.testing.assert_array_equal(
+        np.delete(rate_means, 2, 0), np.delete(mean_rates(rates, step), 2, 0)
+    )
     # a stamp next to the one before it does not blow up
     t[1] = 0.2 - 1e-9
     rates += np.random.default_rng(0).normal(0, 0.01, rates.shape)

@@ -18,9 +18,9 @@ def test_each_session_comes_back_from_the_table_of_all(tmp_path):
     first, second = table(names, "ax", [1.0, 2.0]), table(names, "gy", [3.0])
     none = table(names, "", [])
     write_sessions(path, {"a": joined([first, second]), "b": none, "": none})
-    found = read_session(path, "a")
-    assert found["axis"].tolist() == ["ax", "ax", "gy"]
-    np.testing.assert_array_equal(found["x"], [1.0, 2.0, 3.0])
+    columns = read_session(path, "a")
+    assert columns["axis"].tolist() == ["ax", "ax", "gy"]
+    np.testing.assert_array_equal(columns["x"], [1.0, 2.0, 3.0])
     assert [len(column) for column in read_session(path, "b").values()] == [0, 0]
 
 
@@ -37,8 +37,8 @@ def test_calibrated_samples_keep_numbers_and_quote_the_text_of_a_log(tmp_path):
     # row groups of others
     pq.write_table(pa.table(columns), tmp_path / "samples.parquet", row_group_size=2)
     sensors = (SensorCalibration.nominal(RawUnit(u, 1.0), "why") for u in ("m/s^2", "rad/s"))
-    made = Calibration("d", 9.8, *sensors)
-    made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.csv", nominal=True)
+    calibration = Calibration("d", 9.8, *sensors)
+    calibration.apply_file(tmp_path / "samples.parquet", tmp_path / "out.csv", nominal=True)
     with open(tmp_path / "out.csv", newline="") as file:
         header, *rows = csv.reader(file)
     assert header == ["t", *CHANNELS, "'=note", "a,b", CALIBRATED]

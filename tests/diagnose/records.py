@@ -53,5 +53,5 @@ def search(records, effects, tests=20, held_out=frozenset()):
     variants = {}
     for effect in effects:
         variants.setdefault(type(effect), []).append(effect)
-    variants = {cls: tuple(own) for cls, own in variants.items()}
+    variants = {cls: tuple(effects_of_kind) for cls, effects_of_kind in variants.items()}
     return Search(StaticProblem(tuple(records), variants, DiagnoseSettings(), tests), held_out)

@@ -155,7 +155,7 @@ def look(content, keys):
     """Return what stands in a result at keys; ``*`` is each of a list."""
     for n, key in enumerate(keys):
         if key == "*":
-            return [look(each, keys[n + 1 :]) for each in content]
+            return [look(part, keys[n + 1 :]) for part in content]
         content = content[int(key) if isinstance(content, list) else key]
     return content
 
@@ -178,8 +178,8 @@ def at_floor(residual):
 
 
 def of_slopes(sensor):
-    each = zip("xyz", SLOPES[sensor], strict=True)
-    return near(**{f"c1{axis}": slope for axis, slope in each})
+    slopes = zip("xyz", SLOPES[sensor], strict=True)
+    return near(**{f"c1{axis}": slope for axis, slope in slopes})
 
 
 def of_jumps(sensor):
@@ -270,15 +270,15 @@ def test_the_results_of_a_device_say(results, device, path, expected):
     name, *keys = path.split()
     if name in SENSORS:
         name, keys = "diagnosis", ["sensors", name, *keys]
-    found = look(read_json(results(device) / f"{name}.json"), keys)
+    value = look(read_json(results(device) / f"{name}.json"), keys)
     if callable(expected):
-        assert expected(found), found
+        assert expected(value), value
     elif isinstance(expected, float):
-        assert found == pytest.approx(expected, rel=0.1)
+        assert value == pytest.approx(expected, rel=0.1)
     elif keys[-1] == "not_testable":
-        assert expected in found
+        assert expected in value
     else:
-        assert found == expected
+        assert value == expected
 
 
 def test_scale_and_misalignment_are_as_good_as_of_one_run(results):
@@ -293,12 +293,12 @@ def test_scale_and_misalignment_are_as_good_as_of_one_run(results):
 
 def test_a_check_allows_for_what_the_power_cycles_showed(results):
     """No calibration knows the bias of the next power cycle; it moves by as much as the others."""
-    made, turn_on = Calibration.from_json(results("power cycles") / "calibration.json"), JUMP
+    calibration, turn_on = Calibration.from_json(results("power cycles") / "calibration.json"), JUMP
     jump = {s: tuple(np.array([1.0, -1.0, 0.5]) * size) for s, size in turn_on.items()}
     truth = replace(TRUTH, sessions={POSES: replace(CYCLE, turn_on=jump)})
     log = recording(truth, 7)
-    assert not check_drift(made, log, known_noise(truth)).drifted
-    assert check_drift(made, log, known_noise(truth), turn_on=(0.0, 0.0)).drifted
+    assert not check_drift(calibration, log, known_noise(truth)).drifted
+    assert check_drift(calibration, log, known_noise(truth), turn_on=(0.0, 0.0)).drifted
 
 
 @pytest.mark.parametrize("name", ["gain halves", "accelerometer halves"])

@@ -141,14 +141,14 @@ def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(va
     if "power_cycle" in variant.needs:
         return
     sensors = [SensorCalibration(RawUnit("SI", 1.0), np.eye(3), np.ones(3), np.zeros(3))] * 2
-    own = variant.sensors[0] == "gyroscope"
-    sensors[own] = replace(sensors[own], effects=(effect,))
-    made, f, w = Calibration("d", G, *sensors), whole.output[0], whole.other[0]
+    of_gyroscope = variant.sensors[0] == "gyroscope"
+    sensors[of_gyroscope] = replace(sensors[of_gyroscope], effects=(effect,))
+    calibration, f, w = Calibration("d", G, *sensors), whole.output[0], whole.other[0]
     if declared:
         with pytest.raises(ImuloopError, match="t is needed"):
-            made.apply_arrays(f, w, temperature=[25.0])
+            calibration.apply_arrays(f, w, temperature=[25.0])
     else:
-        made.apply_arrays(f, w, temperature=[25.0])
+        calibration.apply_arrays(f, w, temperature=[25.0])
 
 
 # a time is the same whatever moves; of a knock that is cut off a velocity is left
@@ -165,19 +165,19 @@ def test_an_effect_is_held_to_what_its_data_showed(variant):
         power_cycle=whole.power_cycle[100:150],
     )
     free = replace(draw_effect(variant, 6), std=dict.fromkeys(variant.parameters, 0.5))
-    held = free.with_ranges([some])
+    limited = free.with_ranges([some])
     # in the data nothing changes, and elsewhere no parameter adds more than it did there
-    np.testing.assert_array_equal(held.output(some), free.output(some))
+    np.testing.assert_array_equal(limited.output(some), free.output(some))
     if variant.name in NOT_HELD:
-        np.testing.assert_array_equal(held.output(whole), free.output(whole))
+        np.testing.assert_array_equal(limited.output(whole), free.output(whole))
     else:
         most = np.abs(variant.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
-        assert np.all(np.abs(held.output(whole)) <= most.max() * (1 + 1e-12))
+        assert np.all(np.abs(limited.output(whole)) <= most.max() * (1 + 1e-12))
     # a file gives it back
-    assert FittedEffect.from_dict(json.loads(json.dumps(held.to_dict()))) == held
-    assert held.to_dict()["constants"] == asdict(variant)
+    assert FittedEffect.from_dict(json.loads(json.dumps(limited.to_dict()))) == limited
+    assert limited.to_dict()["constants"] == asdict(variant)
     # data of more than one kind widen the range
-    wider = held.with_ranges([whole])
+    wider = limited.with_ranges([whole])
     np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
 
 
@@ -191,14 +191,14 @@ def test_a_calibration_undoes_what_the_simulator_adds(variant):
     # each parameter adds some hundredths of its unit
     effect = draw_effect(variant, 4, 0.02 / np.abs(variant.design(channels)).max())
     f, w = channels.output, channels.other
-    made, logged = {}, {}
+    calibrations, logged = {}, {}
     for sensor, x, other in (("accelerometer", f, w), ("gyroscope", w, f)):
         plain = getattr(truth, sensor)
         effects = (effect,) if sensor in variant.sensors else ()
         plain = replace(plain, effects=effects)
         u = output(plain, x, lambda u, o=other: replace(channels, output=u, other=o))
         logged[sensor] = u / plain.K + plain.b
-        made[sensor] = SensorCalibration(
+        calibrations[sensor] = SensorCalibration(
             RawUnit(plain.raw_unit, 1.0), plain.T, plain.K, plain.b, effects=effects
         )
         if effects:
@@ -206,8 +206,8 @@ def test_a_calibration_undoes_what_the_simulator_adds(variant):
     columns = list(ACCELERATION + ANGULAR_RATE)
     samples = pd.DataFrame(np.hstack(list(logged.values())), columns=columns)
     samples = samples.assign(t=channels.t, temperature=channels.temperature)
-    found = Calibration("d", G, **made).apply(samples)[columns].to_numpy()
-    np.testing.assert_allclose(found, np.hstack([f, w]), atol=1e-9)
+    applied = Calibration("d", G, **calibrations).apply(samples)[columns].to_numpy()
+    np.testing.assert_allclose(applied, np.hstack([f, w]), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", [n for n, e in LIBRARY.items() if "temperature" in e.needs])
@@ -231,10 +231,10 @@ def test_temperatures_that_lack_are_filled(name):
 @pytest.mark.parametrize(("span", "orders"), [(4.9, [1]), (5.1, [1, 2]), (60.0, [1, 2, 3])])
 def test_the_span_of_temperature_bounds_the_order(span, orders):
     channels = replace(log(), temperature=31.2 + span * np.linspace(-0.5, 0.5, 400))
-    found = variants("bias_temperature", channels)
-    assert [variant.order for variant in found if not variant.lag] == orders
-    assert {variant.order for variant in found if variant.lag} == set(orders)
-    assert {variant.reference_temperature for variant in found} == {31.0}
+    effects = variants("bias_temperature", channels)
+    assert [variant.order for variant in effects if not variant.lag] == orders
+    assert {variant.order for variant in effects if variant.lag} == set(orders)
+    assert {variant.reference_temperature for variant in effects} == {31.0}
 
 
 def test_vibration_is_counted_and_the_turn_beside_it_is_not():
@@ -247,9 +247,9 @@ def test_vibration_is_counted_and_the_turn_beside_it_is_not():
     y[turning] += rng.normal(scale=1.0, size=(turning.sum(), 3))
     y[:, 0] += np.where(t > 21, np.sqrt(2) * 0.5 * np.sin(2 * np.pi * 17.3 * t), 0)
     y += 0.01 * rng.normal(size=y.shape)
-    found = find_effect("vibration_rectification")().design(Channels(t, y, y))
+    design = find_effect("vibration_rectification")().design(Channels(t, y, y))
     # all but the tenth of a second next to the turn
     still = (t < 18.9) | (t > 21.1)
-    assert found[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
-    assert found[still, 2, 2].max() < 2e-4
-    np.testing.assert_allclose(found[t > 22, 0, 0], 0.25, rtol=0.06)
+    assert design[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
+    assert design[still, 2, 2].max() < 2e-4
+    np.testing.assert_allclose(design[t > 22, 0, 0], 0.25, rtol=0.06)

@@ -19,8 +19,8 @@ def covers(rng, parts):
 
 def test_the_interval_covers_the_ratio():
     rng = np.random.default_rng(1)
-    found = [covers(rng, parts) for parts in (4, 5, 8, 10, 12) for _ in range(500)]
-    assert 0.93 < np.mean(found) < 0.97
+    covered = [covers(rng, parts) for parts in (4, 5, 8, 10, 12) for _ in range(500)]
+    assert 0.93 < np.mean(covered) < 0.97
 
 
 def test_one_part_tells_nothing_and_equal_errors_have_the_ratio_one():

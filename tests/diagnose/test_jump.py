@@ -9,7 +9,7 @@ from bench.realistic.judge import SENSORS, judge
 
 
 def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
-    made = judge(16, "jump", tmp_path)
+    outcome = judge(16, "jump", tmp_path)
     truth, diagnosis = (
         json.loads((tmp_path / "jump_16" / name).read_text())
         for name in ("truth.json", "results/diagnosis.json")
@@ -21,7 +21,7 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
     sizes = [step["parameters"][f"h1{axis}"] for axis in "xyz"]
     np.testing.assert_allclose(sizes, truth["steps"][0], rtol=0.1, atol=2e-3)
     assert all(r["after"] < r["before"] for r in force["residuals"].values())
-    assert turn["effects"] == [] and made["ratios"]["accelerometer"] < 0.2
+    assert turn["effects"] == [] and outcome["ratios"]["accelerometer"] < 0.2
     # a pose that may lie on either side of the step is predicted by nothing, and counts in no error
     assert [force["verdict"], turn["verdict"]] == ["explained", "consistent"]
-    assert "unexplained" not in made["verdicts"]["accelerometer"]["motion"]
+    assert "unexplained" not in outcome["verdicts"]["accelerometer"]["motion"]

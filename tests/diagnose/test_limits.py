@@ -34,15 +34,15 @@ TRUTH = plan_session(example_truth(rate=50.0), poses=30)
 )
 def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, seeds):
     rng, n = np.random.default_rng(8), 120
-    made, limits, add = root(n, slow, slow), [], None
+    noise, limits, add = root(n, slow, slow), [], None
     for _ in range(5):
-        rec = record(made @ rng.standard_normal((n, 3)))
+        rec = record(noise @ rng.standard_normal((n, 3)))
         one = search([rec], [effect])
         limits.append(detection_limits(one, (), one.trial((), type(effect)), 0.9)[name])
         add = effect.design(rec.channels)[:, :, list(effect.parameters).index(name)]
     kept = 0
     for _ in range(seeds):
-        values = made @ rng.standard_normal((n, 3)) + np.median(limits) * add
+        values = noise @ rng.standard_normal((n, 3)) + np.median(limits) * add
         one = search([record(values)], [effect])
         kept += type(effect) in map(type, Choices(one.problem).choice().effects)
     # each record knows its noise only so well
@@ -53,10 +53,10 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, s
 def search_drift(size, seed):
     """Return the Choices of a drift on x, by noise of which no walk is known."""
     truth = with_effect("accelerometer", DRIFT, [size, 0.0, 0.0], TRUTH)
-    noise, made = known_noise(truth), recording(truth, seed)
+    noise, log = known_noise(truth), recording(truth, seed)
     axes = {a: replace(noise.axes[a], K=Coefficient(upper95=1e-3)) for a in ("ax", "ay", "az")}
-    pair = pair_of(truth, made, replace(noise, axes=noise.axes | axes))
-    return Choices(replace(problem_of(pair, made, DRIFTS), tests=20))
+    pair = pair_of(truth, log, replace(noise, axes=noise.axes | axes))
+    return Choices(replace(problem_of(pair, log, DRIFTS), tests=20))
 
 
 def limit_of(choices):
@@ -68,7 +68,7 @@ def limit_of(choices):
 def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(seeds, monkeypatch):
     limit = np.median([limit_of(search_drift(0.0, seed)) for seed in range(3)])
     added = of_sensor("accelerometer", DRIFT)
-    found = [search_drift(limit, 10 + seed).choice().effects == added for seed in range(seeds)]
-    assert sum(found) >= least_count(seeds, 0.9, 1 / 35)
+    hits = [search_drift(limit, 10 + seed).choice().effects == added for seed in range(seeds)]
+    assert sum(hits) >= least_count(seeds, 0.9, 1 / 35)
     monkeypatch.setattr(PoseProblem, "is_like_slow_noise", lambda self, effect: False)
     assert np.median([limit_of(search_drift(0.0, seed)) for seed in range(3)]) < limit / 2

@@ -34,8 +34,8 @@ def test_motion_shows_a_product_with_the_rate():
         return np.outer(0.01 * now.other[:, 1] * now.output[:, 0], [0.0, 0.0, 1.0])
 
     truth = with_effects(motion_device(), [Injected("accelerometer", "product", extra=extra)])
-    found = diagnosis_of(truth, 7, limits=False, motion=True)["sensors"]
-    (effect,) = found["accelerometer"]["motion"]["effects"]
+    sensors = diagnosis_of(truth, 7, limits=False, motion=True)["sensors"]
+    (effect,) = sensors["accelerometer"]["motion"]["effects"]
     assert (effect["constants"]["formula"], effect["constants"]["axis"]) == ("f_x w_y", "z")
     assert effect["parameters"]["cz"] == pytest.approx(0.01, rel=0.1)
-    assert found["gyroscope"]["motion"]["effects"] == []
+    assert sensors["gyroscope"]["motion"]["effects"] == []

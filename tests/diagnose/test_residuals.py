@@ -24,17 +24,17 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     # white noise, and slow noise with a common part much larger than its remainder
     covariance = np.eye(40) + 200 * np.exp(-np.abs(t[:, None] - t) / 80)
     design = np.column_stack([np.ones(40), rng.normal(size=40)])
-    held = (t >= 12) & (t < 20)
-    seen = ~held & (t != 20)
-    row_folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
-    spread = held_out_covariance(covariance, design, row_folds)[np.ix_(held, held)]
+    out = (t >= 12) & (t < 20)
+    seen = ~out & (t != 20)
+    row_folds = np.column_stack([np.where(out, 0, -1), np.where(t == 20, 0, -1)])
+    spread = held_out_covariance(covariance, design, row_folds)[np.ix_(out, out)]
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
     normal = design[seen].T @ np.linalg.inv(covariance[np.ix_(seen, seen)])
     fitted = np.linalg.solve(normal @ design[seen], normal @ drawn[seen])
-    errors = drawn[held] - design[held] @ fitted
+    errors = drawn[out] - design[out] @ fitted
     np.testing.assert_allclose(np.diag(spread), errors.var(axis=1), rtol=0.05)
     ((operator, inverses),) = fold_fits(np.eye(40), np.linalg.inv(covariance), design, row_folds)
-    np.testing.assert_allclose((operator @ drawn)[held], errors)
+    np.testing.assert_allclose((operator @ drawn)[out], errors)
     np.testing.assert_allclose(np.diag(inverses[0]), fitted.var(axis=1), rtol=0.05)
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):
@@ -59,8 +59,8 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
 def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(
     in_sample, heldout, by_chance, chosen, above
 ):
-    judged = NoiseComparison(0.0 if in_sample else 0.5, by_chance, 0.5, 1.0)
-    assert above_floor(judged, 0.01, heldout, 1.0, chosen) == above
+    comparison = NoiseComparison(0.0 if in_sample else 0.5, by_chance, 0.5, 1.0)
+    assert above_floor(comparison, 0.01, heldout, 1.0, chosen) == above
 
 
 def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():

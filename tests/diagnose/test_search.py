@@ -43,9 +43,9 @@ def sensitive_device():
 
 @pytest.mark.parametrize(("poses", "testable"), [(1, False), (4, False), (11, False), (12, True)])
 def test_few_poses_calibrate_and_enough_of_them_are_tested(poses, testable):
-    found = pose_result(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
-    assert set(found.calibrations) == set(SENSORS)
-    for content in found.contents.values():
+    result = pose_result(TRUTH, recording(TRUTH, 3).select(np.arange(41) < poses))
+    assert set(result.calibrations) == set(SENSORS)
+    for content in result.contents.values():
         assert (content["verdict"] != "not_testable") == testable
         if not testable:
             few = f"{poses} pose{'s' if poses > 1 else ''} found, 12 needed"
@@ -61,42 +61,42 @@ def test_six_faces_three_times_are_too_few_attitudes():
 
 
 def test_a_held_out_pose_hardly_touches_its_prediction(sensitive_device):
-    truth, made = sensitive_device
-    pair, spoiled = pair_of(truth, made), {"w": made.poses.w.copy(), "f": made.poses.f.copy()}
+    truth, log = sensitive_device
+    pair, spoiled = pair_of(truth, log), {"w": log.poses.w.copy(), "f": log.poses.f.copy()}
     spoiled["w"][0] += 1e-3
     spoiled["f"][0] += 1e-3
-    changed = replace(made, poses=replace(made.poses, **spoiled))
-    first, again = (Choices(problem_of(pair, m, VARIANTS)) for m in (made, changed))
+    changed = replace(log, poses=replace(log.poses, **spoiled))
+    first, again = (Choices(problem_of(pair, m, VARIANTS)) for m in (log, changed))
     problem, held_out = first.problem, frozenset({0})
-    each = first.search(held_out)
-    assert each.significant_effects(each.kinds) == SENSITIVE
-    assert again.search(held_out).significant_effects(each.kinds) == SENSITIVE
+    training = first.search(held_out)
+    assert training.significant_effects(training.kinds) == SENSITIVE
+    assert again.search(held_out).significant_effects(training.kinds) == SENSITIVE
     about = problem.linearization(SENSITIVE)
     noise = held_out_covariance(about.alternatives[1][0], about.jacobian, problem.row_folds)
     # the prior's rows come last
     measured = problem.fold_of_row >= 0
-    own = (problem.rows[0] == 0).any(axis=1)
-    others = (problem.fold_of_row == 0)[measured] & ~own
+    of_pose = (problem.rows[0] == 0).any(axis=1)
+    others = (problem.fold_of_row == 0)[measured] & ~of_pose
     still = (problem.of_kind("gravity_norm") | problem.of_kind("pose_rate"))[measured]
     for effects in ((), SENSITIVE):
         errors = [c.errors(lambda held_out, e=effects: e)[measured, 0] for c in (first, again)]
         moved = np.abs(errors[1] - errors[0]) / np.sqrt(np.diag(noise))[measured]
         # the others of its part are predicted as before, but for its influence on the noise
         assert moved[others].max() < 0.05
-        assert moved[own & still].min() > 1
+        assert moved[of_pose & still].min() > 1
 
 
 def test_what_a_gyroscope_lacks_hides_no_effect_of_the_accelerometer():
     quadratic = find_effect("quadratic")()
     truth = with_effect("accelerometer", quadratic, [1e-4, -1e-4, 1e-4])
-    made, found = recording(truth, 3), []
-    excess = np.random.default_rng(4).normal(0, 1e-3, made.poses.w.shape)
-    for w in (made.poses.w, made.poses.w + excess):
-        changed = replace(made, poses=replace(made.poses, w=w))
+    log, log_p = recording(truth, 3), []
+    excess = np.random.default_rng(4).normal(0, 1e-3, log.poses.w.shape)
+    for w in (log.poses.w, log.poses.w + excess):
+        changed = replace(log, poses=replace(log.poses, w=w))
         variants = variants_of("accelerometer", quadratic)
         search = Choices(problem_of(pair_of(truth, changed), changed, variants))
-        found.append(search.trial((), *variants).log_p)
-    assert found[1] < 0.8 * found[0] < -8
+        log_p.append(search.trial((), *variants).log_p)
+    assert log_p[1] < 0.8 * log_p[0] < -8
 
 
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
@@ -115,11 +115,11 @@ def test_a_span_that_a_thermometer_makes_by_itself_is_no_temperature_effect(sens
 
 def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     truth = with_effect("accelerometer", WarmUp(600.0), [0.5] * 3)
-    made = recording(truth, 2)
+    log = recording(truth, 2)
     # each 1.8 off
     variants = variants_of("accelerometer", WarmUp(330.0), WarmUp(1090.0))
-    choices = Choices(problem_of(pair_of(truth, made), made, variants))
-    (found,) = choices.choice().effects
-    assert found.effect.tau == pytest.approx(600.0, rel=0.1)
-    fitted = choices.problem.linearization((found,)).solution.x[-3:]
+    choices = Choices(problem_of(pair_of(truth, log), log, variants))
+    (effect,) = choices.choice().effects
+    assert effect.effect.tau == pytest.approx(600.0, rel=0.1)
+    fitted = choices.problem.linearization((effect,)).solution.x[-3:]
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)

@@ -35,8 +35,8 @@ def names(finding):
 def pattern(name, n=N):
     """Return an effect's values with a parameter of 1 on each axis, (n, 3), and its variant."""
     rec = record(np.zeros((n, 3)))
-    known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
-    variant = known.get(name) or find_effect(name).variants(rec.channels)[0]
+    fixed = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
+    variant = fixed.get(name) or find_effect(name).variants(rec.channels)[0]
     at = variant.in_session(rec.channels, "s", rec.windows)
     return at[:, range(3), range(3)], variant
 
@@ -69,14 +69,14 @@ def test_each_effect_is_found_by_its_name(name):
 
 @pytest.mark.parametrize("flicker, walk", [(0, 300), (20, 30)])
 def test_slow_noise_is_not_taken_for_a_smooth_effect(flicker, walk):
-    rng, made, effects = np.random.default_rng(3), root(N, flicker, walk), [Ramp(), WARM]
-    found = []
+    rng, noise_root, effects = np.random.default_rng(3), root(N, flicker, walk), [Ramp(), WARM]
+    p_values = []
     for _ in range(25):
-        one = search([record(made @ rng.standard_normal((N, 3)))], effects)
-        found += [one.test((), effect).p_value for effect in effects]
+        one = search([record(noise_root @ rng.standard_normal((N, 3)))], effects)
+        p_values += [one.test((), effect).p_value for effect in effects]
     # 50 tests of three axes each; at 1 % half a one is expected, five would be one in 1e3 runs
-    assert np.sum(np.array(found) < 0.01) <= 4
-    assert np.sum(np.array(found) < 1e-3) <= 1
+    assert np.sum(np.array(p_values) < 0.01) <= 4
+    assert np.sum(np.array(p_values) < 1e-3) <= 1
 
 
 def test_devices_without_an_effect_have_none():
@@ -99,10 +99,10 @@ def test_several_steps_are_found():
 @seeds(10, 40)
 def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     rng, true = np.random.default_rng(4), 0.4
-    made, effect = root(N, 10, 20), BiasTemperature(1, 20.0)
+    noise_root, effect = root(N, 10, 20), BiasTemperature(1, 20.0)
     off = []
     for _ in range(seeds):
-        rec = record(made @ rng.standard_normal((N, 3)))
+        rec = record(noise_root @ rng.standard_normal((N, 3)))
         rec.values[:] += true * (rec.channels.temperature - 20)[:, None]
         (one,) = fitted_effects(search([rec], [effect]), (effect,))
         off += [(one.values[name] - true) / one.std[name] for name in ("c1x", "c1y", "c1z")]

@@ -38,32 +38,34 @@ def data(**samples):
     return StaticData(dict.fromkeys(samples, "static"), samples, dict.fromkeys(samples, whole))
 
 
-def noise_of(made):
-    sessions = [RecordedSession(n, "static", s, made.segments[n]) for n, s in made.samples.items()]
+def noise_of(record):
+    sessions = [
+        RecordedSession(n, "static", s, record.segments[n]) for n, s in record.samples.items()
+    ]
     return estimate_noise("d", sessions, NoiseSettings())
 
 
-def diagnose_record(made, noise=None):
-    records = made.records(NOMINAL, SETTINGS.mean_time)
-    noise, tests = noise or noise_of(made), static_tests(records, SETTINGS)
+def diagnose_record(record, noise=None):
+    records = record.records(NOMINAL, SETTINGS.mean_time)
+    noise, tests = noise or noise_of(record), static_tests(records, SETTINGS)
     how = SETTINGS, NoiseSettings(), tests
-    return diagnose_static(made, records, NOMINAL, noise.model, *how)
+    return diagnose_static(record, records, NOMINAL, noise.model, *how)
 
 
 @pytest.fixture(scope="module")
 def still_record():
     """White noise alone, and its noise model."""
-    made = data(a=log(4))
-    return made, noise_of(made)
+    record = data(a=log(4))
+    return record, noise_of(record)
 
 
 def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits, still_record):
     def settles(t):
         return np.outer(0.1 * np.exp(-t / 100.0), np.ones(6))
 
-    made = data(a=log(4, extra=settles))
-    noise = noise_of(made)
-    result = diagnose_record(made, noise)
+    record = data(a=log(4, extra=settles))
+    noise = noise_of(record)
+    result = diagnose_record(record, noise)
     for content in result.content.values():
         # the content of the record keeps the noise as logged
         assert content["effects"] == [] and content["noise"] == {}
@@ -88,14 +90,16 @@ def test_what_no_candidate_is_stays_unexplained(no_limits, still_record):
 
 
 def test_too_short_and_silent_records_say_why(no_limits, still_record):
-    made, noise = still_record
-    cut = {"a": made.segments["a"].assign(end_s=25.0)}
-    short = diagnose_record(StaticData(made.kinds, {"a": made.samples["a"].iloc[:100]}, cut), noise)
+    record, noise = still_record
+    cut = {"a": record.segments["a"].assign(end_s=25.0)}
+    short = diagnose_record(
+        StaticData(record.kinds, {"a": record.samples["a"].iloc[:100]}, cut), noise
+    )
     assert short.content["gyroscope"]["verdict"] == "not_testable"
     assert "16 means" in short.content["gyroscope"]["why"]
     nothing = diagnose_record(StaticData({}, {}, {}), noise)
     assert nothing.content["accelerometer"]["verdict"] == "not_testable"
-    silent = diagnose_record(data(a=made.samples["a"].assign(gy=0.25)), noise).content
+    silent = diagnose_record(data(a=record.samples["a"].assign(gy=0.25)), noise).content
     assert silent["gyroscope"]["why"] == "an axis never changes"
     assert silent["accelerometer"]["verdict"] == "consistent"
 
@@ -115,5 +119,5 @@ def test_the_static_sessions_are_used_else_the_longest_rest():
         # a static session that holds no rest is as none
         ({"a": moved, "b": moves}, {"b": [700]}),
     ):
-        found = rests_to_use(kinds, tables).items()
-        assert {name: [*table["end_s"]] for name, table in found} == used
+        rests = rests_to_use(kinds, tables).items()
+        assert {name: [*table["end_s"]] for name, table in rests} == used

@@ -45,16 +45,16 @@ def test_the_p_value_is_that_of_generalised_least_squares(size, base, held_out):
     values = size * root @ rng.normal(size=N)
     columns = {FIRST: root @ rng.normal(size=N), SECOND: root @ rng.normal(size=N)}
     seen = ~np.isin(np.arange(N) % FOLDS, held_out)
-    own = np.linalg.cholesky(covariance[np.ix_(seen, seen)])
+    seen_root = np.linalg.cholesky(covariance[np.ix_(seen, seen)])
     design = np.column_stack([LINE, *(columns[e] for e in (*base, FIRST))])[seen]
-    y, x = np.linalg.solve(own, values[seen]), np.linalg.solve(own, design)
+    y, x = np.linalg.solve(seen_root, values[seen]), np.linalg.solve(seen_root, design)
     before, after = (
         np.sum((y - part @ np.linalg.lstsq(part, y)[0]) ** 2) for part in (x[:, :-1], x)
     )
     dof = x.shape[0] - x.shape[1]
     expected = f_distribution.sf((before - after) / max(1.0, after / dof), 1, dof)
-    made = Search(rows(values, LINE, columns, [covariance]), frozenset(held_out))
-    assert made.test(base, FIRST).p_value == pytest.approx(expected, rel=1e-9)
+    trials = Search(rows(values, LINE, columns, [covariance]), frozenset(held_out))
+    assert trials.test(base, FIRST).p_value == pytest.approx(expected, rel=1e-9)
 
 
 def test_tail_of_f_below_the_smallest_double():
@@ -68,28 +68,28 @@ def test_tail_of_f_below_the_smallest_double():
 def test_a_logged_cause_goes_before_time_where_it_explains_as_much(like, first):
     drift, other = np.sin(9 * T), np.cos(23 * T)
     columns = {Drift(): drift, Warm(): like * drift + np.sqrt(1 - like**2) * other}
-    made = search(20 * drift + np.random.default_rng(1).normal(size=N), LINE, columns)
-    trials = [made.trial((), cls) for cls in (Drift, Warm)]
-    assert trials[0].log_p < trials[1].log_p < made.threshold(0)
-    assert made.best_trial((), made.kinds).effect.kind is first
+    problem = search(20 * drift + np.random.default_rng(1).normal(size=N), LINE, columns)
+    trials = [problem.trial((), cls) for cls in (Drift, Warm)]
+    assert trials[0].log_p < trials[1].log_p < problem.threshold(0)
+    assert problem.best_trial((), problem.kinds).effect.kind is first
 
 
 @pytest.mark.parametrize(("like", "chosen"), [(0.999, Warm), (0.6, Late)])
 def test_a_constant_more_has_to_gain_its_price(like, chosen):
     true, other = np.sin(9 * T), np.cos(23 * T)
-    made = search(
+    problem = search(
         5 * true + np.random.default_rng(1).normal(size=N),
         LINE,
         {Warm(): like * true + np.sqrt(1 - like**2) * other, Late(): true},
     )
-    tried = made.tests((), (Warm(), Late()))
+    tried = problem.tests((), (Warm(), Late()))
     assert (tried[1].log_p < tried[0].log_p - 3.0) == (chosen is Late)
-    assert type(made.best_variant((), (Warm(), Late()), 0.0).effect) is chosen
+    assert type(problem.best_variant((), (Warm(), Late()), 0.0).effect) is chosen
 
 
 def test_p_values_are_uniform_without_an_effect():
     """Two hypotheses of the noise, of which the data do not tell which is right."""
     rng, noises, wave = np.random.default_rng(2), [np.eye(N), 1.3 * np.eye(N)], np.sin(9 * T)
-    made = [search(rng.normal(size=N), LINE, {FIRST: wave}, noises) for _ in range(200)]
+    searches = [search(rng.normal(size=N), LINE, {FIRST: wave}, noises) for _ in range(200)]
     # conservative by a little: the scale is never below the noise model's
-    assert kstest([one.trial((), Column).p_value for one in made], "uniform").pvalue > 1e-3
+    assert kstest([one.trial((), Column).p_value for one in searches], "uniform").pvalue > 1e-3

@@ -14,10 +14,10 @@ def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
     for seed in range(seeds):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        found = diagnose_log(folder, hand.log(RATE, seed, TRUTH), gravity=TRUTH.gravity)
-        blocks = [found[s][r] for s in found for r in ("poses", "motion", "static_record")]
+        sensors = diagnose_log(folder, hand.log(RATE, seed, TRUTH), gravity=TRUTH.gravity)
+        blocks = [sensors[s][r] for s in sensors for r in ("poses", "motion", "static_record")]
         named += any(block["effects"] for block in blocks)
-        turns = found["gyroscope"]["poses"]
+        turns = sensors["gyroscope"]["poses"]
         unexplained += turns["verdict"] == "unexplained"
         lost = turns["residuals"]["rotation"]["undersampled"]
         assert lost["rate_hz"] < 50.1 and lost["enough_hz"] > 150

@@ -19,14 +19,14 @@ def test_the_likelihood_is_the_one_that_is_written():
         covariance = total_covariance(np.eye(N), parts, sizes)
         weight = np.linalg.inv(covariance)
         normal = LINE.T @ weight @ LINE
-        left = values - LINE @ np.linalg.solve(normal, LINE.T @ weight @ values)
+        residual = values - LINE @ np.linalg.solve(normal, LINE.T @ weight @ values)
         logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(normal)[1]
-        return -(logs + left @ weight @ left) / 2 - ((sizes[0] - 0.8) / 0.5) ** 2 / 2
+        return -(logs + residual @ weight @ residual) / 2 - ((sizes[0] - 0.8) / 0.5) ** 2 / 2
 
-    found = likely_sizes(values, LINE, np.eye(N), parts)
-    best, step = log_probability(found), 0.02
-    assert np.all(found > step)
-    around = [found + step * np.array(d) for d in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1)]]
+    sizes_fitted = likely_sizes(values, LINE, np.eye(N), parts)
+    best, step = log_probability(sizes_fitted), 0.02
+    assert np.all(sizes_fitted > step)
+    around = [sizes_fitted + step * np.array(d) for d in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1)]]
     changes = [log_probability(sizes) - best for sizes in around]
     assert max(changes) < 0
     # the top is flat: as much either way

@@ -36,13 +36,13 @@ HOSTILE = (
 
 def of_calibrated(board, values):
     """Return by axis the density of calibrated samples, of those as logged on independent axes."""
-    found = {}
+    densities = {}
     for name, axes in SENSORS.items():
-        own = board.sensor(name)
-        M = own.T @ np.diag(own.K) / own.raw_unit.scale
+        calibration = board.sensor(name)
+        M = calibration.T @ np.diag(calibration.K) / calibration.raw_unit.scale
         variance = M**2 @ np.array([values[axis] ** 2 for axis in axes])
-        found |= dict(zip(axes, np.sqrt(variance), strict=True))
-    return found
+        densities |= dict(zip(axes, np.sqrt(variance), strict=True))
+    return densities
 
 
 def _coefficient(value, seen=True):
@@ -114,10 +114,10 @@ def turning_device(board=None, accelerometer=None):
     sizes = {"lever_arm": 5e-3, "rate_sensitivity": 0.02}
     if accelerometer is None:
         rng = np.random.default_rng(5)
-        made = [(find_effect(name)(), size) for name, size in sizes.items()]
+        effects = [(find_effect(name)(), size) for name, size in sizes.items()]
         accelerometer = tuple(
             FittedEffect(e, {n: float(rng.normal(0, size)) for n in e.parameters}, {})
-            for e, size in made
+            for e, size in effects
         )
     return with_sensor(board, "accelerometer", effects=accelerometer)
 
@@ -165,7 +165,7 @@ def warm_samples(cold=COLD, warm=WARM):
     return table
 
 
-def carried(board, effects, aligned=True):
+def calibration_with(board, effects, aligned=True):
     """Return the calibration of a device with only these effects, and T where `aligned`."""
     for name in SENSORS:
         sensor = board.sensor(name)

@@ -54,12 +54,12 @@ FLICKER = replace(WHITE, B=coefficient(4e-5))
 
 @given(noises)
 def test_the_pair_bounds_the_curve_and_neither_can_be_lower(noise):
-    pair, own = np.array(bounding(noise)), np.array([noise.N.size, noise.K.size])
-    assert (pair >= own).all()
+    pair, sizes_alone = np.array(bounding(noise)), np.array([noise.N.size, noise.K.size])
+    assert (pair >= sizes_alone).all()
     assert (bound(pair, HELD) >= (1 - 1e-11) * curve(noise, HELD)).all()
     assert (bound(pair) >= 0.999 * curve(noise)).all()
     for lower in ([0.98, 1.0], [1.0, 0.98]):
-        below_own = (pair * lower < own).any()
+        below_own = (pair * lower < sizes_alone).any()
         assert below_own or (bound(pair * lower) < (1 - 1e-9) * curve(noise)).any()
 
 

@@ -10,7 +10,7 @@ import pytest
 from export.devices import (
     C_HEADER,
     HOSTILE,
-    carried,
+    calibration_with,
     device,
     g_sensitivity,
     narrow_device,
@@ -57,8 +57,8 @@ def calibrated(tmp_path):
         program = PROGRAM.replace("RATES", "in + 7, in + 10," if turning else "")
         (tmp_path / "main.c").write_text(program.replace("NAME", board.device.replace("-", "_")))
         command = [compiler, *FLAGS, "main.c", "-o", "main"]
-        made = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-        assert made.returncode == 0, made.stderr
+        compiled = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert compiled.returncode == 0, compiled.stderr
         raw = [
             board.sensor(name).raw_unit.from_si(table[list(columns)])
             for name, columns in SENSORS.items()
@@ -66,8 +66,8 @@ def calibrated(tmp_path):
         temperature = table.get("temperature", np.full(len(table), np.nan))
         rate = board.sensor("gyroscope").aligned(table[list(SENSORS["gyroscope"])].to_numpy())
         change = np.gradient(rate, table["t"], axis=0)
-        given = np.ascontiguousarray(np.column_stack([*raw, temperature, rate, change])).tobytes()
-        done = subprocess.run([tmp_path / "main"], input=given, capture_output=True, check=True)
+        values = np.ascontiguousarray(np.column_stack([*raw, temperature, rate, change])).tobytes()
+        done = subprocess.run([tmp_path / "main"], input=values, capture_output=True, check=True)
         return np.frombuffer(done.stdout).reshape(-1, 6)
 
     return run
@@ -93,16 +93,16 @@ def held_arms():
 def products(formula="f_y² f_z"):
     """Return a device each of whose sensors has products, one of them held to a range."""
     board = warm_device()
-    for name, each in (
+    for name, formulas in (
         ("accelerometer", ((formula, "x"), ("θ f_x", "y"))),
         ("gyroscope", (("w_x f_y", "z"), ("θ w_x w_z", "x"), ("f_z³", "y"))),
     ):
-        found = [
+        effects = [
             FittedEffect(Product(*one, name, 21.0), {f"c{one[1]}": 2e-5 * (k + 1)}, {})
-            for k, one in enumerate(each)
+            for k, one in enumerate(formulas)
         ]
-        found[0] = replace(found[0], ranges={f"c{each[0][1]}": (-40.0, 60.0)})
-        board = with_sensor(board, name, effects=(*board.sensor(name).effects, *found))
+        effects[0] = replace(effects[0], ranges={f"c{formulas[0][1]}": (-40.0, 60.0)})
+        board = with_sensor(board, name, effects=(*board.sensor(name).effects, *effects))
     return board
 
 
@@ -128,7 +128,7 @@ def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     variant = find_effect("bias_temperature_rate")(tau=30.0)
     lag = FittedEffect(variant, dict.fromkeys(variant.parameters, 0.1), {})
     board, table = warm_device(gyroscope=(g_sensitivity(), lag)), warm_samples()
-    applied = carried(board, CARRIED).apply(table)[list(CHANNELS)]
+    applied = calibration_with(board, CARRIED).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)
     assert "Not carried of the gyroscope: bias_temperature_rate" in C_HEADER.text(board)
 

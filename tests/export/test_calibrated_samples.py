@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.devices import IMU_TK_ACC, IMU_TK_GYRO, OPENVINS, carried, device, samples
+from export.devices import IMU_TK_ACC, IMU_TK_GYRO, OPENVINS, calibration_with, device, samples
 from export.test_densities import opencv
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.model.effect import Channels, find_effect
@@ -22,9 +22,9 @@ def test_imu_tk(sensor, written):
     T, K, b = loaded[:9].reshape(3, 3), loaded[9:18].reshape(3, 3), loaded[18:]
     assert np.diag(T).tolist() == [1, 1, 1] and (K == np.diag(np.diag(K))).all()
     # unbiasNormalize: T K (X - B)
-    found = (board.sensor(sensor).raw_unit.from_si(table[columns]) - b) @ (T @ K).T
-    expected = carried(board, ()).apply(table)[columns]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * 20)
+    calibrated = (board.sensor(sensor).raw_unit.from_si(table[columns]) - b) @ (T @ K).T
+    expected = calibration_with(board, ()).apply(table)[columns]
+    np.testing.assert_allclose(calibrated, expected, rtol=0, atol=1e-14 * 20)
     below = "\n".join(text.splitlines()[12:])
     assert all(line.startswith("#") for line in below.splitlines())
     assert f"{board.sensor(sensor).raw_unit.name}, to subtract" in below

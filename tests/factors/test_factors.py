@@ -50,18 +50,18 @@ def test_the_derivative_is_that_of_the_residuals(example_recording, counted):
     # to the turn within one sample
     most = np.where(np.arange(len(x)) < COUNT, 1e-3, 1e-2)
     for kind in joint.kinds:
-        own, theirs = jacobian[kinds == kind], numeric[kinds == kind]
-        worst = np.abs(own - theirs).max(axis=0)
-        assert np.all(worst < most * np.abs(own).max(axis=0) + 1e-7), kind
-        assert np.any(own[:, :COUNT])
+        ours, theirs = jacobian[kinds == kind], numeric[kinds == kind]
+        worst = np.abs(ours - theirs).max(axis=0)
+        assert np.all(worst < most * np.abs(ours).max(axis=0) + 1e-7), kind
+        assert np.any(ours[:, :COUNT])
 
 
 def chi_square(values, covariance, biases):
     """Return chi square and its degrees of freedom where biases, derivatives (n, q), are free."""
     white = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([values, biases]))
     q = np.linalg.qr(white[:, 1:][:, np.any(biases, axis=0)])[0]
-    left = white[:, 0] - q @ (q.T @ white[:, 0])
-    return np.array([left @ left, len(left) - q.shape[1]])
+    residual = white[:, 0] - q @ (q.T @ white[:, 0])
+    return np.array([residual @ residual, len(residual) - q.shape[1]])
 
 
 # of both sensors among all parameters: slow noise has its mean over the rests in them
@@ -75,16 +75,16 @@ def test_errors_at_the_truth_have_the_predicted_covariance(walk):
     if walk:
         noise = replace(truth.gyroscope.noise, B=(0.0, 0.0, 0.0), K=(walk,) * 3)
         truth = replace(truth, gyroscope=replace(truth.gyroscope, noise=noise))
-    found = {}
+    sums = {}
     for seed in range(5):
-        made = recording(truth, 100 + seed)
-        joint, x = true_fit(truth, made)
-        at, kinds = joint.measure(x, made).at(x), joint.rows(made)[1]
+        log = recording(truth, 100 + seed)
+        joint, x = true_fit(truth, log)
+        at, kinds = joint.measure(x, log).at(x), joint.rows(log)[1]
         r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
         groups = {kind: kinds == kind for kind in joint.kinds} | {"all": kinds != ""}
         for kind, rows in groups.items():
-            own = covariance[np.ix_(rows, rows)]
-            more = chi_square(r[rows], own, jacobian[np.ix_(rows, BIASES)])
-            found[kind] = found.get(kind, 0) + more
-    for kind, (chi2, dof) in found.items():
+            block = covariance[np.ix_(rows, rows)]
+            more = chi_square(r[rows], block, jacobian[np.ix_(rows, BIASES)])
+            sums[kind] = sums.get(kind, 0) + more
+    for kind, (chi2, dof) in sums.items():
         assert chi2 / dof == pytest.approx(1, abs=3 * np.sqrt(2 / dof)), kind

@@ -69,15 +69,15 @@ class Family:
         self.odd = {}
         for name in unlike:
             k, sign = int(rng.integers(count)), rng.choice([-1, 1])
-            at = [i for i, each in enumerate(EVERY) if each.startswith(name)]
+            at = [i for i, parameter in enumerate(EVERY) if parameter.startswith(name)]
             far = 5 * np.hypot(self.spread[at], self.std[k, at])
             self.y[k, at] = self.mean[at] + sign * far
             self.odd[f"d{k}"] = name
 
     def members(self):
         """Return the devices."""
-        found = []
+        devices = []
         for k, name in enumerate(self.names):
             values, std = (dict(zip(EVERY, rows[k], strict=True)) for rows in (self.y, self.std))
-            found.append(member(name, values, std))
-        return found
+            devices.append(member(name, values, std))
+        return devices

@@ -13,7 +13,7 @@ from result_files import fault
 
 def diagnosis_of(**p_values):
     """Return a diagnosis in which effects of the gyroscope were tried at poses, by p-value."""
-    found = [
+    candidates = [
         {
             "name": name,
             "p_value": p,
@@ -21,27 +21,27 @@ def diagnosis_of(**p_values):
         }
         for name, p in p_values.items()
     ]
-    return {"sensors": NOTHING["sensors"] | {"gyroscope": {"poses": {"candidates": found}}}}
+    return {"sensors": NOTHING["sensors"] | {"gyroscope": {"poses": {"candidates": candidates}}}}
 
 
 def of_effects(*diagnoses):
     zero = dict.fromkeys(EVERY, 0.0)
     one = dict.fromkeys(EVERY, 1e-3)
-    members = [member(f"d{k}", zero, one, each) for k, each in enumerate(diagnoses)]
-    return {each["name"]: each for each in effects(members)}
+    members = [member(f"d{k}", zero, one, effect) for k, effect in enumerate(diagnoses)]
+    return {effect["name"]: effect for effect in effects(members)}
 
 
 def test_the_file_fits_its_schema_and_says_the_truth(tmp_path):
     family = Family(3)
     write_family(tmp_path / "family.json", {"chip": family.members()})
     assert fault(tmp_path / "family.json") is None
-    found = read_json(tmp_path / "family.json")["types"]["chip"]
-    assert [*found["parameters"]] == [e for e in EVERY[:21]] + [
+    content = read_json(tmp_path / "family.json")["types"]["chip"]
+    assert [*content["parameters"]] == [e for e in EVERY[:21]] + [
         f"{c}.{t}" for s in ("a", "g") for t in "NBK" for c in (f"{s}x", f"{s}y", f"{s}z")
     ]
-    assert found["tests"] == 39 * 50
+    assert content["tests"] == 39 * 50
     for k, name in enumerate(EVERY):
-        one = found["parameters"][name]
+        one = content["parameters"][name]
         if not one["logarithmic"]:
             assert abs(one["mean"] - family.mean[k]) < 4 * one["mean_std"]
             np.testing.assert_allclose(one["values"], family.y[:, k], atol=1e-9)
@@ -55,13 +55,16 @@ def test_a_parameter_that_few_determined_is_left_out():
     unknown = one | {"gyroscope.K0": 0.0}
     members = [*members[:2], member("e", zero, unknown), member("f", zero, unknown)]
     # nor do data that hardly made the error of the prior smaller
-    own = members[0].calibration
-    prior = {"source": "data sheet", "std": {"K1": 1.2 * own.gyroscope.std["K1"]}}
-    own = replace(own, gyroscope=replace(own.gyroscope, prior=prior))
-    members[0] = replace(members[0], calibration=own)
-    found = compare_devices(members)["parameters"]
-    assert "gyroscope.K0" not in found and found["gyroscope.K2"]["devices"] == "d0 d1 e f".split()
-    assert found["gyroscope.K1"]["devices"] == "d1 e f".split()
+    calibration = members[0].calibration
+    prior = {"source": "data sheet", "std": {"K1": 1.2 * calibration.gyroscope.std["K1"]}}
+    calibration = replace(calibration, gyroscope=replace(calibration.gyroscope, prior=prior))
+    members[0] = replace(members[0], calibration=calibration)
+    parameters = compare_devices(members)["parameters"]
+    assert (
+        "gyroscope.K0" not in parameters
+        and parameters["gyroscope.K2"]["devices"] == "d0 d1 e f".split()
+    )
+    assert parameters["gyroscope.K1"]["devices"] == "d1 e f".split()
 
 
 ALONE = [1e-30, *np.random.default_rng(0).uniform(0.05, 1, 9)]
@@ -73,14 +76,14 @@ ALONE = [1e-30, *np.random.default_rng(0).uniform(0.05, 1, 9)]
     ids=["one device shows it", "none by itself, all together"],
 )
 def test_an_effect_is_that_of_the_type_where_all_devices_show_it(p_values, added, of_type):
-    found = of_effects(*(diagnosis_of(g_sensitivity=p) for p in p_values))["g_sensitivity"]
-    assert found["added"] == added and found["tried"] == len(p_values)
-    assert found["p_value"] < 1e-6 if of_type else found["p_value"] > 0.3
+    effect = of_effects(*(diagnosis_of(g_sensitivity=p) for p in p_values))["g_sensitivity"]
+    assert effect["added"] == added and effect["tried"] == len(p_values)
+    assert effect["p_value"] < 1e-6 if of_type else effect["p_value"] > 0.3
 
 
 def test_what_was_not_tried_does_not_count():
-    found = of_effects(*[diagnosis_of(g_sensitivity=0.5, earth_rate=None)] * 2, diagnosis_of())
-    assert found == {}
+    fitted = of_effects(*[diagnosis_of(g_sensitivity=0.5, earth_rate=None)] * 2, diagnosis_of())
+    assert fitted == {}
 
 
 def test_p_values_of_effects_hold_for_all_of_them():
@@ -88,8 +91,8 @@ def test_p_values_of_effects_hold_for_all_of_them():
     rng, false = np.random.default_rng(1), 0
     names = ("g_sensitivity", "g2_sensitivity", "scale_nonlinearity")
     for _ in range(200):
-        each = [
+        diagnoses = [
             diagnosis_of(**dict(zip(names, rng.uniform(size=3), strict=True))) for _ in range(6)
         ]
-        false += min(one["p_value"] for one in of_effects(*each).values()) < 0.05
+        false += min(one["p_value"] for one in of_effects(*diagnoses).values()) < 0.05
     assert false <= 18

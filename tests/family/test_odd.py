@@ -13,7 +13,7 @@ KINDS = ("accelerometer.b", "gyroscope.K")
 
 
 def odd_names(family):
-    return {each["device"] for each in compare_devices(family.members())["odd"]}
+    return {device["device"] for device in compare_devices(family.members())["odd"]}
 
 
 @seeds(4, 40)
@@ -22,9 +22,9 @@ def test_odd_devices_are_named_and_others_are_not(seeds):
     for seed in range(seeds):
         # a chip of another lot: three axes of one kind
         family = Family(seed, unlike=KINDS)
-        found = odd_names(family)
-        hits, count = hits + len(found & {*family.odd}), count + len(family.odd)
-        false += bool(found - {*family.odd}) + bool(odd_names(Family(1000 + seed)))
+        named = odd_names(family)
+        hits, count = hits + len(named & {*family.odd}), count + len(family.odd)
+        false += bool(named - {*family.odd}) + bool(odd_names(Family(1000 + seed)))
     assert hits >= 0.95 * count
     assert false <= least_count(2 * seeds, SIGNIFICANCE, 0.99)
 

@@ -46,15 +46,17 @@ NOMINAL = {s: SensorCalibration.nominal(unit, "no rest") for s, unit in UNITS.it
 
 def calibration_of(name, x, std=ERROR):
     """Return a Calibration with these parameters, SI, a scale factor less 1, and their errors."""
-    x, std = (dict(zip(NAMES, each, strict=True)) for each in (x, std))
+    x, std = (dict(zip(NAMES, numbers, strict=True)) for numbers in (x, std))
     return Calibration(name, EXAMPLE.gravity, *(sensor(s, x, std) for s in SENSORS))
 
 
 def device(x):
     """Return the device that has these parameters."""
-    made = calibration_of("d", x)
-    each = {s: {k: getattr(getattr(made, s), k) for k in "TKb"} for s in SENSORS}
-    return replace(EXAMPLE, **{s: replace(getattr(EXAMPLE, s), **own) for s, own in each.items()})
+    fitted = calibration_of("d", x)
+    matrices = {s: {k: getattr(getattr(fitted, s), k) for k in "TKb"} for s in SENSORS}
+    return replace(
+        EXAMPLE, **{s: replace(getattr(EXAMPLE, s), **sensor) for s, sensor in matrices.items()}
+    )
 
 
 def record_poses(x, seed, poses):
@@ -64,15 +66,15 @@ def record_poses(x, seed, poses):
     return recording(plan_session(device(x), poses=poses - 1, initial_rest_s=10.0), seed)
 
 
-def calibration(made, prior=None):
+def calibration(log, prior=None):
     return Calibration(
-        "d", EXAMPLE.gravity, *calibrate_recording(made, NOISE, EXAMPLE.gravity, prior)
+        "d", EXAMPLE.gravity, *calibrate_recording(log, NOISE, EXAMPLE.gravity, prior)
     )
 
 
 def values(calibration):
-    found = [in_nominal_si(s, getattr(calibration, s)) for s in SENSORS]
-    return np.concatenate(found) - [name.partition(".")[2][0] == "K" for name in NAMES]
+    sensors = [in_nominal_si(s, getattr(calibration, s)) for s in SENSORS]
+    return np.concatenate(sensors) - [name.partition(".")[2][0] == "K" for name in NAMES]
 
 
 def errors(calibration):
@@ -83,8 +85,10 @@ def family(path, count, seed=2):
     """Write family.json of devices of a type, d0 and so on; return their true parameters."""
     rng = np.random.default_rng(seed)
     true = LOT + SPREAD * rng.normal(size=(count, len(NAMES)))
-    found = true + ERROR * rng.normal(size=true.shape)
-    members = [Member(f"d{k}", calibration_of(f"d{k}", x), NOISE, {}) for k, x in enumerate(found)]
+    measured = true + ERROR * rng.normal(size=true.shape)
+    members = [
+        Member(f"d{k}", calibration_of(f"d{k}", x), NOISE, {}) for k, x in enumerate(measured)
+    ]
     write_family(path, {"chip": members})
     return true
 
@@ -109,14 +113,14 @@ def test_a_device_that_was_held_out_is_better_with_the_family(seeds, poses, tmp_
     true = family(tmp_path / "family.json", max(seeds, 8))[:seeds]
     before, after, scores = [], [], []
     for k, x in enumerate(true):
-        made, prior = (
+        log, prior = (
             record_poses(x, k, poses),
             read_prior(data_sheet(), tmp_path / "family.json", f"d{k}", {}),
         )
-        plain, found = calibration(made), calibration(made, prior)
+        plain, with_family = calibration(log), calibration(log, prior)
         before.append(values(plain) - x)
-        after.append(values(found) - x)
-        scores.append(after[-1] / errors(found))
+        after.append(values(with_family) - x)
+        scores.append(after[-1] / errors(with_family))
     kinds = np.array([name.rstrip("0123456789") for name in NAMES])
     size = {k: [np.median(np.abs(e)[:, kinds == k]) for e in (before, after)] for k in {*kinds}}
     ratio = {kind: after / before for kind, (before, after) in size.items()}
@@ -156,16 +160,16 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
     replace(earlier, **counts).to_json(tmp_path / "earlier.json")
     true[BIAS] += [TURN_ON["accelerometer"]] * 3 + [-TURN_ON["gyroscope"]] * 3
     file = str(tmp_path / "earlier.json")
-    made, prior = record_poses(true, 4, 2), read_prior(data_sheet(), file, "d", session(tmp_path))
-    found = calibration(made, prior)
-    away = values(found) - true
+    log, prior = record_poses(true, 4, 2), read_prior(data_sheet(), file, "d", session(tmp_path))
+    later = calibration(log, prior)
+    away = values(later) - true
     assert (np.abs(away[~BIAS]) < 4 * ERROR[~BIAS]).all()
-    assert (errors(found)[~BIAS] <= 1.001 * ERROR[~BIAS]).all()
+    assert (errors(later)[~BIAS] <= 1.001 * ERROR[~BIAS]).all()
     assert np.abs(away[BIAS][3:]).max() < 0.1 * TURN_ON["gyroscope"]
     # of an accelerometer along both directions of gravity
-    norm = np.linalg.norm(found.accelerometer.apply(made.poses.f), axis=1)
+    norm = np.linalg.norm(later.accelerometer.apply(log.poses.f), axis=1)
     assert np.abs(norm - EXAMPLE.gravity).max() < 0.1 * TURN_ON["accelerometer"]
-    assert {getattr(found, s).prior["source"] for s in SENSORS} == {file}
+    assert {getattr(later, s).prior["source"] for s in SENSORS} == {file}
 
 
 def test_the_bias_has_the_scatter_of_switching_on_and_what_is_unknown_the_data_sheets(tmp_path):
@@ -174,10 +178,12 @@ def test_the_bias_has_the_scatter_of_switching_on_and_what_is_unknown_the_data_s
     cycles = FittedEffect(TurnOnBias(2), dict.fromkeys(TurnOnBias(2).parameters, 0.01), {})
     cycles = replace(cycles, std=dict.fromkeys(cycles.values, 0.0))
     # a gyroscope that only rested
-    names, own = ("b0", "b1", "b2"), gyroscope.covariance[-3:, -3:]
+    names, covariance = ("b0", "b1", "b2"), gyroscope.covariance[-3:, -3:]
     sensors = {
         "accelerometer": replace(accelerometer, effects=(cycles,)),
-        "gyroscope": replace(gyroscope, names=names, covariance=own, T=np.eye(3), K=np.ones(3)),
+        "gyroscope": replace(
+            gyroscope, names=names, covariance=covariance, T=np.eye(3), K=np.ones(3)
+        ),
     }
     replace(earlier, **sensors).to_json(tmp_path / "earlier.json")
     prior = read_prior(data_sheet(), tmp_path / "earlier.json", "d", session(tmp_path))
@@ -211,7 +217,7 @@ WRONG = {
         lambda c, f: damage(c, "accelerometer", "K", value=[1e-9, 1, 1]), {}, "accelerometer: K0"
     ),
     "nothing measured": (
-        lambda c, f: c | {s: own.to_dict() for s, own in NOMINAL.items()},
+        lambda c, f: c | {s: nominal.to_dict() for s, nominal in NOMINAL.items()},
         {},
         "nothing was measured there",
     ),

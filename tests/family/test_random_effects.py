@@ -30,10 +30,10 @@ def test_the_published_example():
     # W. Viechtbauer, "Conducting meta-analyses in R with the metafor package", J. Stat. Softw. 36
     # (3), 2010, section 3, and the interval by metafor's confint
     y, squares = risks()
-    found = fit(y, squares)
-    assert found.mean[0] == pytest.approx(-0.7145, abs=5e-5)
-    assert np.sqrt(found.mean_variance[0]) == pytest.approx(0.1798, abs=5e-5)
-    assert found.variance[0] == pytest.approx(0.3132, abs=5e-5)
+    result = fit(y, squares)
+    assert result.mean[0] == pytest.approx(-0.7145, abs=5e-5)
+    assert np.sqrt(result.mean_variance[0]) == pytest.approx(0.1798, abs=5e-5)
+    assert result.variance[0] == pytest.approx(0.3132, abs=5e-5)
     assert np.square(spread_interval(y, squares)) == pytest.approx([0.1197, 1.1115], abs=5e-5)
 
 
@@ -42,8 +42,8 @@ def test_several_fits_at_once_are_those_of_their_devices():
     y, std = rng.normal(size=9), rng.lognormal(-1, 0.5, 9)
     counted = ~np.eye(9, dtype=bool)
     together = fit(y, std**2, counted=counted)
-    for k, own in enumerate(counted):
-        alone = fit(y[own], std[own] ** 2)
+    for k, rows in enumerate(counted):
+        alone = fit(y[rows], std[rows] ** 2)
         assert together.variance[k] == pytest.approx(alone.variance[0], rel=1e-6, abs=1e-12)
         assert together.mean[k] == pytest.approx(alone.mean[0])
         assert together.dof[k] == 7

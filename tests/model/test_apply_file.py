@@ -69,22 +69,22 @@ def log(tmp_path_factory):
 
 
 def with_late_thermometer():
-    made = calibration(["bias_temperature"])
-    effects = [replace(e, effect=replace(e.effect, lag=20.0)) for e in made.accelerometer.effects]
-    return replace(made, accelerometer=replace(made.accelerometer, effects=tuple(effects)))
+    device = calibration(["bias_temperature"])
+    effects = [replace(e, effect=replace(e.effect, lag=20.0)) for e in device.accelerometer.effects]
+    return replace(device, accelerometer=replace(device.accelerometer, effects=tuple(effects)))
 
 
 def with_delays(seconds):
     """Samples of another time; no range holds them: a knock beyond the range seen is as late."""
-    made = calibration([])
+    device = calibration([])
     for sensor, name, values in (
         ("accelerometer", "time_offset", {"dt": seconds}),
         ("gyroscope", "gyro_axis_delay", {"dtx": seconds, "dty": -seconds / 2}),
     ):
         ranges = dict.fromkeys(values, (-1e-9, 1e-9))
         one = replace(FittedEffect(Effect.library[name](), values, {}), ranges=ranges)
-        made = replace(made, **{sensor: replace(getattr(made, sensor), effects=(one,))})
-    return made
+        device = replace(device, **{sensor: replace(getattr(device, sensor), effects=(one,))})
+    return device
 
 
 # a calibration, another that it differs from, and by how much at least
@@ -99,32 +99,32 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_file_gives_what_its_samples_give(log, tmp_path, case):
-    (made, other, least), table = CASES[case], pd.read_parquet(log)
-    apply_file(made, log, tmp_path / "out.parquet")
-    found, expected = pd.read_parquet(tmp_path / "out.parquet"), made.apply(table)
-    assert list(found) == list(expected)
+    (device, other, least), table = CASES[case], pd.read_parquet(log)
+    apply_file(device, log, tmp_path / "out.parquet")
+    applied, expected = pd.read_parquet(tmp_path / "out.parquet"), device.apply(table)
+    assert list(applied) == list(expected)
     axes = [*ACCELERATION, *ANGULAR_RATE]
     assert np.abs(expected[axes] - other.apply(table)[axes]).to_numpy().max() > least
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 if least == 0.1 else 1e-12)
+    np.testing.assert_allclose(applied, expected, rtol=0, atol=1e-9 if least == 0.1 else 1e-12)
 
 
 def test_samples_that_are_held_are_counted(log, tmp_path):
-    made = calibration(["bias_temperature", "bias_drift"])
+    device = calibration(["bias_temperature", "bias_drift"])
     table = pd.read_parquet(log)
     first = Channels(
         table["t"][:1000].to_numpy(),
         *(table[list(c)][:1000].to_numpy() for c in (ACCELERATION, ANGULAR_RATE)),
         np.linspace(20.0, 30.0, 1000),
     )
-    sensor = made.gyroscope
+    sensor = device.gyroscope
     sensor = replace(sensor, effects=tuple(e.with_ranges([first]) for e in sensor.effects))
-    held = apply_file(replace(made, gyroscope=sensor), log, tmp_path / "out.parquet")
-    assert set(held) == {("gyroscope", "bias_temperature"), ("gyroscope", "bias_drift")}
-    assert held["gyroscope", "bias_drift"] == np.sum(table["t"] > table["t"][999])
-    known = filled(table["t"].to_numpy(), table["temperature"].to_numpy())
+    counts = apply_file(replace(device, gyroscope=sensor), log, tmp_path / "out.parquet")
+    assert set(counts) == {("gyroscope", "bias_temperature"), ("gyroscope", "bias_drift")}
+    assert counts["gyroscope", "bias_drift"] == np.sum(table["t"] > table["t"][999])
+    warmth = filled(table["t"].to_numpy(), table["temperature"].to_numpy())
     reference = Effect.library["bias_temperature"]().reference_temperature
-    outside = (known < 20) | (known > 30)
-    assert held["gyroscope", "bias_temperature"] == np.sum(outside & (known != reference))
+    outside = (warmth < 20) | (warmth > 30)
+    assert counts["gyroscope", "bias_temperature"] == np.sum(outside & (warmth != reference))
 
 
 def test_an_empty_log_stays_empty(log, tmp_path):
@@ -135,9 +135,9 @@ def test_an_empty_log_stays_empty(log, tmp_path):
 
 def test_what_cannot_be_applied_is_refused(log, tmp_path):
     """A log that was calibrated before, tests/test_apply.py has; no whole file, tests/core."""
-    made = calibration([])
+    device = calibration([])
     with pytest.raises(ImuloopError, match=r"\.csv or \.parquet"):
-        made.apply_file(log, tmp_path / "out.txt")
+        device.apply_file(log, tmp_path / "out.txt")
     pq.write_table(pa.table({"t": [0.0], "ax": [1.0]}), tmp_path / "few.parquet")
     with pytest.raises(ImuloopError, match=r"few\.parquet: no column ay, az, gx, gy, gz"):
-        made.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")
+        device.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")

@@ -20,7 +20,7 @@ COUNTS = RawUnit("count", 0.0024, 32768.0)
 
 
 def sensor(**changes):
-    made = SensorCalibration(
+    gyroscope = SensorCalibration(
         RawUnit("rad/s", 1.0),
         np.eye(3),
         np.ones(3),
@@ -30,7 +30,7 @@ def sensor(**changes):
         method="static",
         not_testable="no rotation",
     )
-    return replace(made, **changes)
+    return replace(gyroscope, **changes)
 
 
 def log(n=5):
@@ -71,10 +71,10 @@ def test_what_was_not_measured_is_applied_only_when_it_is_asked_for(tmp_path):
     empty, f = Calibration("d", 9.81, nominal, nominal), samples[["ax", "ay", "az"]]
     samples.to_parquet(tmp_path / "samples.parquet")
     ways = (
-        lambda made, **how: made.apply(samples, **how)[["ax", "ay", "az"]],
-        lambda made, **how: made.apply_arrays(f, f, **how)[0],
-        lambda made, **how: (
-            made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.parquet", **how)
+        lambda calibration, **how: calibration.apply(samples, **how)[["ax", "ay", "az"]],
+        lambda calibration, **how: calibration.apply_arrays(f, f, **how)[0],
+        lambda calibration, **how: (
+            calibration.apply_file(tmp_path / "samples.parquet", tmp_path / "out.parquet", **how)
             or pd.read_parquet(tmp_path / "out.parquet")[["ax", "ay", "az"]]
         ),
     )
@@ -95,8 +95,8 @@ def test_a_step_is_said_to_be_of_the_calibrated_log():
     step = FittedEffect(find_effect("steps")((100.0,)), {f"h1{a}": 0.1 for a in "xyz"}, {})
     warm = FittedEffect(find_effect("bias_temperature")(), {f"c1{a}": 1e-3 for a in "xyz"}, {})
     force, turn = (sensor(not_testable=None, effects=e) for e in ((step, warm), (warm,)))
-    made = Calibration("d", 9.81, force, turn)
-    assert made.limits() == [f"accelerometer: steps {OF_ONE_LOG}"]
+    calibration = Calibration("d", 9.81, force, turn)
+    assert calibration.limits() == [f"accelerometer: steps {OF_ONE_LOG}"]
 
 
 @pytest.mark.parametrize("way", ["apply", "apply_arrays"])
@@ -105,11 +105,11 @@ def test_what_would_not_be_finite_is_refused(way):
     names = find_effect("g_sensitivity").parameters
     effect = FittedEffect(find_effect("g_sensitivity")(), dict.fromkeys(names, 1e308), {})
     nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
-    made, samples = Calibration("d", 9.81, nominal, sensor(effects=(effect,))), log()
+    calibration, samples = Calibration("d", 9.81, nominal, sensor(effects=(effect,))), log()
     f, w = samples[["ax", "ay", "az"]] * 100, samples[["gx", "gy", "gz"]]
     samples[["ax", "ay", "az"]] = f
     with pytest.raises(ImuloopError, match=r"gyroscope.* not finite .* t = 0 s"):
-        made.apply(samples) if way == "apply" else made.apply_arrays(f, w)
+        calibration.apply(samples) if way == "apply" else calibration.apply_arrays(f, w)
     samples.loc[2, "gy"] = np.nan
     same = Calibration("d", 9.81, nominal, sensor()).apply(samples)
     assert same["gy"].isna().tolist() == [False, False, True, False, False]
@@ -130,6 +130,6 @@ def test_what_would_not_be_finite_is_refused(way):
 def test_what_no_sensor_has_is_named_in_any_unit(sensor, scale, bias, text, unit):
     """Protects a good sensor from being doubted, and a user from the fit of a log that is wrong."""
     scales, offsets = np.array([scale, 1, 1]), np.array([bias, 0, 0])
-    made = SensorCalibration(unit, np.eye(3), scales * unit.scale, offsets / unit.scale)
-    found = implausible_values(replace(made, b=made.b + unit.offset), sensor)
-    assert (found is None) if text is None else found.startswith(text)
+    fitted = SensorCalibration(unit, np.eye(3), scales * unit.scale, offsets / unit.scale)
+    line = implausible_values(replace(fitted, b=fitted.b + unit.offset), sensor)
+    assert (line is None) if text is None else line.startswith(text)

@@ -45,8 +45,8 @@ def test_what_lies_between_two_rests_adds_no_term(between):
     before, after = rng.standard_normal(3000), 5 + rng.standard_normal(2500)
     x = np.concatenate([before, np.full(500, 1e3), after])
     kind = "multi_position" if between == "motion" else "static"
-    found = session(x, (3000, 500, 2500), ("static", between, "static"), kind)
-    curve = pd.DataFrame(session_curves(found, SETTINGS)).query("axis == 'gy'")
+    rests = session(x, (3000, 500, 2500), ("static", between, "static"), kind)
+    curve = pd.DataFrame(session_curves(rests, SETTINGS)).query("axis == 'gy'")
     assert tuple(curve.columns) == COLUMNS and set(curve["stage"]) == {"raw"}
     factors = np.rint(curve["tau_s"] * RATE).astype(int)
     assert factors.iloc[[0, -1]].tolist() == [1, 1000]
@@ -84,18 +84,18 @@ def test_intervals_cover(seeds, quantisation, walk, lengths):
 def test_each_session_has_its_own_curves_and_the_corrected_rows(tmp_path):
     x = np.random.default_rng(3).standard_normal(3000)
     device = chain.Device("imu", tmp_path, {"rest": "static", "poses": "multi_position"})
-    made = {
+    sessions = {
         "rest": session(x, (3000,)),
         "poses": session(0 * x, (2000, 1000), ("static", "motion"), "multi_position"),
     }
-    for name, each in made.items():
-        write_table(tmp_path / name / "samples.parquet", each.samples)
-        write_table(tmp_path / name / "segments.parquet", each.segments)
+    for name, one in sessions.items():
+        write_table(tmp_path / name / "samples.parquet", one.samples)
+        write_table(tmp_path / name / "segments.parquet", one.segments)
     corrected = session_curves(session(x / 2, (3000,)), SETTINGS, "corrected")
     tables = {"": no_curves(), "rest": corrected}
     write_sessions(tmp_path / "allan_corrected.parquet", tables)
     chain.allan(device)
-    rest, poses = (pd.read_parquet(tmp_path / name / "allan.parquet") for name in made)
+    rest, poses = (pd.read_parquet(tmp_path / name / "allan.parquet") for name in sessions)
     assert tuple(rest.columns) == tuple(poses.columns) == COLUMNS
     raw, after = (rest[rest["stage"] == stage] for stage in ("raw", "corrected"))
     np.testing.assert_allclose(raw["adev"], 2 * after["adev"])
@@ -105,6 +105,6 @@ def test_each_session_has_its_own_curves_and_the_corrected_rows(tmp_path):
 
 @pytest.mark.parametrize("x", [np.arange(3.0), np.full(400, 9.8)])
 def test_short_or_constant_output_gives_what_there_is(x):
-    found = pd.DataFrame(session_curves(session(x, (len(x),)), SETTINGS))
-    assert set(found["axis"]) == set(CHANNELS) and not found.isna().any(axis=None)
-    assert found["adev"].to_numpy() == pytest.approx(np.sqrt(0.5) * len(set(x)) / 3 * (x[0] == 0))
+    curves = pd.DataFrame(session_curves(session(x, (len(x),)), SETTINGS))
+    assert set(curves["axis"]) == set(CHANNELS) and not curves.isna().any(axis=None)
+    assert curves["adev"].to_numpy() == pytest.approx(np.sqrt(0.5) * len(set(x)) / 3 * (x[0] == 0))

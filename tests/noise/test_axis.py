@@ -56,24 +56,26 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_there_comes_back_within_its_interval_and_nothing_else_does(case, seeds):
     truth, expected, absent = CASES[case]
-    found = estimates(seeds, **truth)
+    noises = estimates(seeds, **truth)
     for name, (value, most) in expected.items():
-        each = [getattr(f.gauss_markov[0] if name in ("q", "tc") else f, name) for f in found]
-        assert all(c.identifiable for c in each)
-        assert np.sqrt(np.mean([(c.value / value - 1) ** 2 for c in each])) < most, name
-        inside = sum(c.ci95[0] <= value <= c.ci95[1] for c in each)
+        coefficients = [
+            getattr(f.gauss_markov[0] if name in ("q", "tc") else f, name) for f in noises
+        ]
+        assert all(c.identifiable for c in coefficients)
+        assert np.sqrt(np.mean([(c.value / value - 1) ** 2 for c in coefficients])) < most, name
+        inside = sum(c.ci95[0] <= value <= c.ci95[1] for c in coefficients)
         assert inside >= least_count(seeds, 0.95, 0.01), name
     for name in absent:
-        each = [getattr(f, name) for f in found]
-        assert sum(c.identifiable for c in each) <= seeds / 5, name
-        missing = [c for c in each if not c.identifiable]
+        coefficients = [getattr(f, name) for f in noises]
+        assert sum(c.identifiable for c in coefficients) <= seeds / 5, name
+        missing = [c for c in coefficients if not c.identifiable]
         assert all(c.value is c.ci95 is None and c.upper95 > 0 for c in missing)
-    assert sum(bool(f.sinusoid) or len(f.gauss_markov) != ("q" in expected) for f in found) <= (
+    assert sum(bool(f.sinusoid) or len(f.gauss_markov) != ("q" in expected) for f in noises) <= (
         seeds / 5
     )
     if case == "white":
         # a walk crosses white noise within the record at sqrt(3) N/K
-        assert np.sqrt(3) * 0.01 / 3000 < found[0].K.upper95 < 3e-4
+        assert np.sqrt(3) * 0.01 / 3000 < noises[0].K.upper95 < 3e-4
 
 
 def test_a_line_is_found_and_leaves_the_rest_as_it_was():
@@ -108,16 +110,16 @@ def short_lines(seed, amplitude=0.0, **truth):
 def test_a_line_of_four_periods_is_no_slow_noise(kind, seeds):
     density = slow_density(**SLOW[kind])
     amplitude = 3 * line_limit(SHORT, density, 0.01)
-    found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(seeds)]
+    lines = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(seeds)]
     # one over the record away
-    near = [len(f) == 1 and abs(f[0].frequency.value - 0.01) < 0.0025 for f in found]
+    near = [len(f) == 1 and abs(f[0].frequency.value - 0.01) < 0.0025 for f in lines]
     assert sum(near) >= 0.8 * seeds
 
 
 @seeds(5, 20)
 def test_slow_noise_is_no_line(seeds):
-    found = {kind: sum(bool(short_lines(s, **SLOW[kind])) for s in range(seeds)) for kind in SLOW}
-    assert sum(found.values()) <= seeds / 5, found
+    alarms = {kind: sum(bool(short_lines(s, **SLOW[kind])) for s in range(seeds)) for kind in SLOW}
+    assert sum(alarms.values()) <= seeds / 5, alarms
 
 
 def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
@@ -155,11 +157,13 @@ def test_a_line_without_noise_is_one_line():
     assert noise.N.upper95 < 1e-11
 
 
-def test_three_seconds_give_white_noise_and_limits_of_the_rest():
-    """The figures of docs/questions.md: 600 values at 200 Hz, twenty records."""
+@seeds(5, 20)
+def test_three_seconds_give_white_noise_and_limits_of_the_rest(seeds):
+    """The figures of docs/questions.md: 600 values at 200 Hz."""
     short = unbroken(200.0, 600)
-    for seed in range(20):
+    basis = modes([short])
+    for seed in range(seeds):
         values = white(600, 1 / 200, 0.01, np.random.default_rng(seed))
-        noise = estimate_axis(modes([short]), [replace(short, values=values)], SETTINGS).noise
+        noise = estimate_axis(basis, [replace(short, values=values)], SETTINGS).noise
         assert np.ptp(noise.N.ci95) < 4 * 0.04 * 0.01 and abs(noise.N.value - 0.01) < 0.12 * 0.01
         assert not noise.B.identifiable and not noise.K.identifiable and noise.K.upper95 > 0

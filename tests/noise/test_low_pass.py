@@ -1,5 +1,7 @@
 """N, B and K in front of a low-pass filter, which is named; other bends are not taken for one."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -27,8 +29,8 @@ def filter_notes(log, kind):
     """Return the notes on low-pass filters in the noise of a log."""
     segments, _ = segment_session(log, kind, SegmentSettings())
     session = RecordedSession("log", kind, log, segments)
-    found = estimate_noise("imu", [session], NoiseSettings(), views=False)
-    return [note for note in found.notes if "low-pass" in note]
+    noise = estimate_noise("imu", [session], NoiseSettings(), views=False)
+    return [note for note in noise.notes if "low-pass" in note]
 
 
 @seeds(1, 3)
@@ -55,23 +57,25 @@ def filtered(order, corner, x):
     return lfilter(*butter(order, 2 * corner), x)[2000:]
 
 
-@seeds(2, 20)
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("corner", [0.05, 0.1, 0.2, 0.4])
-def test_noise_in_front_of_a_filter_is_right(order, corner, seeds):
+# order of a filter and its corner, share of the rate
+FILTERS = [*itertools.product((1, 2), (0.05, 0.1, 0.2, 0.4))]
+
+
+@seeds(1, 20)
+def test_noise_in_front_of_a_filter_is_right(seeds):
     """Protects N, which was 9 to 14 % low behind a first-order filter at a tenth of the rate."""
-    found = []
-    for seed in range(seeds):
+    errors, inside = [], 0
+    for seed, (order, corner) in itertools.product(range(seeds), FILTERS):
         rng = np.random.default_rng([seed, order, int(100 * corner)])
-        estimate = estimate_record(filtered(order, corner, white(rng, 610)), RATE, SETTINGS)
-        found.append(estimate.noise)
-    assert all(
-        noise.low_pass.corner.value == pytest.approx(corner * RATE, rel=0.1) for noise in found
-    )
-    assert not any(noise.gauss_markov for noise in found)
-    assert np.median([abs(noise.N.value / N - 1) for noise in found]) < 0.015
-    held = sum(noise.N.ci95[0] <= N <= noise.N.ci95[1] for noise in found)
-    assert held >= least_count(seeds, 0.95, 0.01)
+        noise = estimate_record(filtered(order, corner, white(rng, 610)), RATE, SETTINGS).noise
+        assert noise.low_pass.corner.value == pytest.approx(corner * RATE, rel=0.1)
+        assert not noise.gauss_markov
+        errors.append(abs(noise.N.value / N - 1))
+        inside += noise.N.ci95[0] <= N <= noise.N.ci95[1]
+    of_filters = np.median(np.reshape(errors, (seeds, -1)), axis=0)
+    # a single record errs by twice the median of many
+    assert np.median(errors) < 0.015 and of_filters.max() < (0.03 if seeds == 1 else 0.015)
+    assert inside >= least_count(len(errors), 0.95, 0.01)
 
 
 def interpolated(rng, rate):
@@ -79,7 +83,7 @@ def interpolated(rng, rate):
     return np.interp(np.arange(120_000) / RATE, np.arange(len(y)) / rate, y)
 
 
-def held(rng, rate):
+def repeated(rng, rate):
     return white(rng, 601, rate)[(np.arange(120_000) / RATE * rate).astype(int)]
 
 
@@ -97,7 +101,7 @@ OTHERS = {
     "a hump": (hump, None, None),
     "quantisation": (quantised, None, None),
     "rounding": (lambda rng: np.round(white(rng, 600) / 0.15) * 0.15, None, None),
-    "held": (lambda rng: held(rng, 66.7), "held or averaged", 66.7),
+    "held": (lambda rng: repeated(rng, 66.7), "held or averaged", 66.7),
     "interpolated": (lambda rng: interpolated(rng, 66.7), "interpolated", 66.7),
 }
 
@@ -115,9 +119,10 @@ def test_what_is_no_low_pass_is_not_taken_for_one(name):
         assert noise.N.value == pytest.approx(N, rel=0.02)
 
 
+@seeds(3, 8)
 @pytest.mark.parametrize(("n", "rate"), [(500, 50.0), (1500, 300.0), (2500, 25.0)])
-def test_white_noise_of_a_short_record_has_no_filter(n, rate):
-    for seed in range(8):
+def test_white_noise_of_a_short_record_has_no_filter(n, rate, seeds):
+    for seed in range(seeds):
         x = np.random.default_rng(seed).normal(size=n)
         assert estimate_record(x, rate, SETTINGS).noise.low_pass is None
 

@@ -47,13 +47,13 @@ def test_sessions_pool_into_one_fit():
 def hours(seed):
     """Return 2,000 s at 50 Hz of white noise and walk, and 10 Hz in gx as high as its noise."""
     n = 100_000
-    made = session(length=n, seed=seed)
+    record = session(length=n, seed=seed)
     rng = np.random.default_rng([seed, 1])
     for axis, density in DENSITY.items():
         steps = rng.standard_normal(n) * density * np.sqrt(WALK / 50)
-        made.samples[axis] += np.cumsum(steps)
-    made.samples["gx"] += 1e-3 * np.sin(2 * np.pi * 10 * made.samples["t"])
-    return made
+        record.samples[axis] += np.cumsum(steps)
+    record.samples["gx"] += 1e-3 * np.sin(2 * np.pi * 10 * record.samples["t"])
+    return record
 
 
 def test_coefficients_hold_where_samples_are_missing():
@@ -94,10 +94,10 @@ def test_what_lies_between_two_runs_costs_nothing_and_changes_nothing():
     # an hour, a boot clock that meets GPS time, and that twice
     jumps = ([(15, 3600.0)], [(15, 1.7e9)])
     # 1.7e9 s are 633 GiB of numbers
-    found = [estimate_noise("imu", [gapped(gaps)], SETTINGS) for gaps in jumps]
-    for each in found:
-        assert sum("longer than all that was recorded" in note for note in each.notes) == 1
-    assert coefficients(found[1]) == pytest.approx(coefficients(found[0]), rel=1e-6)
+    results = [estimate_noise("imu", [gapped(gaps)], SETTINGS) for gaps in jumps]
+    for result in results:
+        assert sum("longer than all that was recorded" in note for note in result.notes) == 1
+    assert coefficients(results[1]) == pytest.approx(coefficients(results[0]), rel=1e-6)
 
 
 def test_a_log_that_is_mostly_gaps_keeps_its_walk_and_is_not_searched_for_lines():
@@ -142,7 +142,7 @@ def test_what_a_reader_must_know_is_noted():
     result = estimate_noise("imu", sessions, SETTINGS)
     assert result.sessions == ("rest",)
     for note in ("bad holds no rest", "slow has 1.98 Hz", "-17.6 to 74.0 degC"):
-        assert any(note in each for each in result.notes)
+        assert any(note in line for line in result.notes)
 
 
 def test_constant_and_broken_channels_are_named():
@@ -158,10 +158,10 @@ def test_output_of_any_size_is_a_result(size):
     rng = np.random.default_rng(5)
     output = np.sin(np.arange(6000) / 7) + 0.1 * rng.standard_normal(6000)
     sessions = [session(**STILL | {"ax": x}) for x in (output, size * output)]
-    one, other = (estimate_noise("imu", [each], SETTINGS) for each in sessions)
-    found, expected = other.model.axes["ax"], one.model.axes["ax"]
-    assert found.N.value == pytest.approx(size * expected.N.value, rel=1e-6)
-    assert len(found.sinusoid) == len(expected.sinusoid) == 1
+    one, other = (estimate_noise("imu", [one_session], SETTINGS) for one_session in sessions)
+    fitted, expected = other.model.axes["ax"], one.model.axes["ax"]
+    assert fitted.N.value == pytest.approx(size * expected.N.value, rel=1e-6)
+    assert len(fitted.sinusoid) == len(expected.sinusoid) == 1
 
 
 def test_noise_json_holds_the_model_and_the_rest(tmp_path):

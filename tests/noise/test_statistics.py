@@ -11,4 +11,4 @@ def test_figures_of_a_known_sequence():
     assert figures["std"] == pytest.approx(np.sqrt(2.5))
     assert figures["std_10s"] == pytest.approx(np.sqrt(2.5))  # one sample is 10 s long
     assert figures["std_100s"] is None
-    assert [list(each) for each in x] == [[1, 2, 3], [4, 5]]
+    assert [list(part) for part in x] == [[1, 2, 3], [4, 5]]

@@ -27,10 +27,10 @@ def simulate_plan(truth, up, turns, seed, initial_rest_s=10.0, move_s=2.0):
     log = {TIME: motion.t}
     force, angular = motion.specific_force, motion.angular_rate
     seeds = np.random.SeedSequence([seed, 77]).spawn(2)
-    for sensor, x, other, columns, each in (
+    for sensor, x, other, columns, noise_seed in (
         (truth.accelerometer, force, angular, ACCELERATION, seeds[0]),
         (truth.gyroscope, angular, force, ANGULAR_RATE, seeds[1]),
     ):
         u = output(sensor, x, lambda u, other=other: Channels(motion.t, u, other))
-        log |= dict(zip(columns, logged(sensor, u, sensor.b, 1 / rate, each).T, strict=True))
+        log |= dict(zip(columns, logged(sensor, u, sensor.b, 1 / rate, noise_seed).T, strict=True))
     return pd.DataFrame(log)

@@ -46,8 +46,8 @@ def test_following_the_advice_lowers_the_standard_error_as_promised(up, sensor):
     again, _ = fit_log(up[0], [*turns, turn], move_s=move_s)
     # reduced χ² of a few poses is mostly chance
     chance = [max(1.0, getattr(c, sensor).reduced_chi2 or 1.0) ** 0.5 for c in (calibration, again)]
-    found = getattr(again, sensor).std[advice.parameter] / chance[1]
-    assert found == pytest.approx(advice.std_after / chance[0], rel=0.2)
+    std = getattr(again, sensor).std[advice.parameter] / chance[1]
+    assert std == pytest.approx(advice.std_after / chance[0], rel=0.2)
 
 
 def test_the_missing_region_is_asked_for_where_all_rests_lie_in_one_plane():

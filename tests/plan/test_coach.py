@@ -55,13 +55,13 @@ def test_whoever_follows_it_has_poses_enough_all_over_the_sphere():
     truth, up = example_truth(rate=50.0), np.array([0.0, 0.0, 1.0])
     turns, move_s, now = [[np.pi / 2, 0.0, 0.0]], [2.0], np.array([0.0, 1.0, 0.0])
     for _ in range(30):
-        found = progress(simulate_plan(truth, up, turns, 1, 50.0, move_s), 9.80665, UNITS)
-        if found.done:
+        state = progress(simulate_plan(truth, up, turns, 1, 50.0, move_s), 9.80665, UNITS)
+        if state.done:
             break
-        more, seconds, now = read_advice(found.advice, now)
+        more, seconds, now = read_advice(state.advice, now)
         turns, move_s = [*turns, *more], [*move_s, *seconds]
-    assert found.done and len(found.up) >= 12
-    assert np.degrees(largest_hole(found.up)[1]) < 55
+    assert state.done and len(state.up) >= 12
+    assert np.degrees(largest_hole(state.up)[1]) < 55
 
 
 def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
@@ -69,13 +69,13 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
     samples.to_parquet(tmp_path / "log.parquet", index=False)
     chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"])
     run_stages(device, (chain.segment, chain.noise, chain.calibrate))
-    made = Calibration.from_json(tmp_path / "multi_position.json")
-    found = look(samples, 1e4, noise=rest_noise(samples))
+    calibration = Calibration.from_json(tmp_path / "multi_position.json")
+    state = look(samples, 1e4, noise=rest_noise(samples))
     for sensor in SENSORS:
-        own = getattr(made, sensor)
-        relative = [own.std[f"K{i}"] / own.K[i] for i in range(3)]
-        relative += [std for name, std in own.std.items() if name[0] == "T"]
-        assert found.worst[sensor] == pytest.approx(max(relative), rel=0.2)
+        fitted = getattr(calibration, sensor)
+        relative = [fitted.std[f"K{i}"] / fitted.K[i] for i in range(3)]
+        relative += [std for name, std in fitted.std.items() if name[0] == "T"]
+        assert state.worst[sensor] == pytest.approx(max(relative), rel=0.2)
 
 
 def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, capsys):

@@ -33,37 +33,39 @@ def plain_calibration(example):
     return calibrate_recording(log, noise, G)
 
 
-def turned_recording(made, turn):
+def turned_recording(device, turn):
     """Return noise and recording of a device whose axes are named and turned otherwise.
 
     A mirrored frame turns angular rate, an axial vector, the other way.
     """
-    noise, log = made
+    noise, log = device
     mirror = np.linalg.det(turn)
 
-    def each(table):
+    def turned(table):
         return replace(table, f=table.f @ turn.T, w=mirror * table.w @ turn.T)
 
     order = np.abs(turn).argmax(axis=1)
     axes = {s + "xyz"[i]: noise.axes[s + "xyz"[k]] for s in "ag" for i, k in enumerate(order)}
-    return NoiseModel("d", axes), replace(log, poses=each(log.poses), rotations=each(log.rotations))
+    return NoiseModel("d", axes), replace(
+        log, poses=turned(log.poses), rotations=turned(log.rotations)
+    )
 
 
 @settings(max_examples=6)
 @given(signed_permutations)
 def test_both_sensors_turn_with_their_axes(example, plain_calibration, turn):
     """The triangular T ties the body frame to the order of the axes: products know no frame."""
-    f, w, found, chi2 = G * directions(30, 1), directions(30, 2), [], []
+    f, w, products, chi2 = G * directions(30, 1), directions(30, 2), [], []
     noise, log = turned_recording(example, turn)
-    for own, (force, rate) in (
+    for frame, (force, rate) in (
         (np.eye(3), plain_calibration),
         (turn, calibrate_recording(log, noise, G)),
     ):
-        mirror = np.linalg.det(own)
-        x, y = force.apply(f @ own.T), mirror * rate.apply(mirror * w @ own.T)
-        found.append([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y))])
+        mirror = np.linalg.det(frame)
+        x, y = force.apply(f @ frame.T), mirror * rate.apply(mirror * w @ frame.T)
+        products.append([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y))])
         chi2.append(rate.reduced_chi2)
-    for (one, other), size in zip(zip(*found, strict=True), (G**2, 1.0, G), strict=True):
+    for (one, other), size in zip(zip(*products, strict=True), (G**2, 1.0, G), strict=True):
         np.testing.assert_allclose(other, one, atol=1e-6 * size)
     assert chi2[1] == pytest.approx(chi2[0], rel=1e-4)
 

@@ -48,8 +48,10 @@ def test_applying_undoes_the_inverted_model(accelerometer, gyroscope, gain, seed
         [invert_model(accelerometer, f), invert_model(gyroscope, w, f @ np.reshape(gain, (3, 3)).T)]
     )
     log = pd.DataFrame(samples, columns=list(CHANNELS)).assign(t=np.arange(7.0))
-    found = Calibration("d", 9.8, accelerometer, gyroscope).apply(log)
+    applied = Calibration("d", 9.8, accelerometer, gyroscope).apply(log)
     # an offset of 1e5 counts leaves eleven digits of a count
     digits = [1e-10 * max(1.0, s.raw_unit.scale * 1e5) for s in (accelerometer, gyroscope)]
-    np.testing.assert_allclose(found[list(ACCELERATION)], f, atol=digits[0], rtol=1e-10)
-    np.testing.assert_allclose(found[list(ANGULAR_RATE)], w, atol=digits[1] + digits[0], rtol=1e-10)
+    np.testing.assert_allclose(applied[list(ACCELERATION)], f, atol=digits[0], rtol=1e-10)
+    np.testing.assert_allclose(
+        applied[list(ANGULAR_RATE)], w, atol=digits[1] + digits[0], rtol=1e-10
+    )

@@ -52,7 +52,7 @@ def test_an_angle_is_the_sum_of_its_parts(noise, steps):
     a, b, c, d = np.cumsum(steps)
     spans = np.array([[a, b], [b, c], [a, c], [c, d]])
     length = np.diff(spans)[:, 0]
-    found = model(noise).mean_covariance(spans)[0] * (length[:, None] * length)
+    covariance = model(noise).mean_covariance(spans)[0] * (length[:, None] * length)
     add = np.array([[1, 1, -1, 0.0]])
     # the difference of whole and parts is exactly nothing, with itself and with any other window
-    assert np.abs(add @ found).max() <= 1e-9 * np.abs(found).max()
+    assert np.abs(add @ covariance).max() <= 1e-9 * np.abs(covariance).max()

@@ -38,12 +38,12 @@ class Measured:
             if reason := fetch_fault(device):
                 assert "cannot be fetched" in reason
                 pytest.skip(f"{reason}; data/README.md describes it")
-            made = ingest_device(device, folder)
+            imu = ingest_device(device, folder)
             if device == WHOLE:
                 with patch(LIMITS, return_value={}):
-                    run_stages(made)
+                    run_stages(imu)
             else:
-                verdicts(made)
+                verdicts(imu)
         return folder
 
     def json(self, device, name):

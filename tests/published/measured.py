@@ -19,10 +19,10 @@ CONFIGS = "config/measured.yaml", "config.yaml"
 @cache
 def devices():
     """Return the resolved config of the devices that were measured, by name."""
-    found = {}
+    resolved = {}
     for path in CONFIGS:
-        found |= resolve(yaml.safe_load((REPOSITORY / path).read_text()))
-    return {name: device for name, device in found.items() if fetched({name: device})}
+        resolved |= resolve(yaml.safe_load((REPOSITORY / path).read_text()))
+    return {name: device for name, device in resolved.items() if fetched({name: device})}
 
 
 def fetch_fault(name):
@@ -40,10 +40,10 @@ def ingest_device(name, folder):
     """Ingest the sessions of a device into a folder and return the `Device`."""
     device = devices()[name]
     settings = {key: device[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
-    kinds = {session: each["kind"] for session, each in device["sessions"].items()}
-    made = Device(name, folder, kinds, **settings)
-    for session, each in device["sessions"].items():
-        paths = [source_path(source, CACHE) for source in each["sources"].values()]
-        declared = {key: value for key, value in each.items() if key != "kind"}
-        chain.ingest(made, session, declared, paths)
-    return made
+    kinds = {session: declarations["kind"] for session, declarations in device["sessions"].items()}
+    imu = Device(name, folder, kinds, **settings)
+    for session, declarations in device["sessions"].items():
+        paths = [source_path(source, CACHE) for source in declarations["sources"].values()]
+        declared = {key: value for key, value in declarations.items() if key != "kind"}
+        chain.ingest(imu, session, declared, paths)
+    return imu

@@ -19,5 +19,5 @@ def test_overlapping_deviation_agrees_with_the_published_one(recordings, axis):
     # published in the recording's own units, deg/s and g, at tau = 0.02 s * 2^k
     factors = np.rint(published["tau_or_level"].to_numpy() * RATE).astype(int)
     assert list(factors) == [2 << k for k in range(18)]
-    found = np.sqrt(allan_variance([x.astype(float)], factors))
-    assert found == pytest.approx(published["adev"].to_numpy(), rel=3e-6)
+    deviation = np.sqrt(allan_variance([x.astype(float)], factors))
+    assert deviation == pytest.approx(published["adev"].to_numpy(), rel=3e-6)

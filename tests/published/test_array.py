@@ -24,8 +24,8 @@ def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, ch
         chain.ingest(device, name, {"columns": columns, "units": units}, log)
     run_stages(device)
     block = read_json(device.file("diagnosis.json"))["sensors"]["accelerometer"]["motion"]
-    found = next(c for c in block["candidates"] if c["name"] == "lever_arm")
-    value, std = (np.array(list(found[key].values())) for key in ("parameters", "std"))
+    arm = next(c for c in block["candidates"] if c["name"] == "lever_arm")
+    value, std = (np.array(list(arm[key].values())) for key in ("parameters", "std"))
     drawn = pd.read_csv(recordings("IMU_positions.csv"), index_col=0).to_numpy().T
     at = drawn[np.array(chips) - 1] - drawn[chips[2] - 1]
     assert np.all(std <= 20e-3)

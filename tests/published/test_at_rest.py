@@ -37,8 +37,8 @@ def minutes(measured_results):
     return means
 
 
-def heldout(found, sensor, session, axis):
-    return found[sensor]["residuals"]["bias"]["sessions"][session][axis]
+def heldout(records, sensor, session, axis):
+    return records[sensor]["residuals"]["bias"]["sessions"][session][axis]
 
 
 def test_heldout_error_falls(tag_records, minutes):
@@ -62,6 +62,6 @@ def test_a_phone_at_rest_has_no_vibration_rectification(measured_results, monkey
     entry["columns"] = {"angular_rate": ANGULAR_RATE}
     config = {"devices": {"phone": {"sessions": {"static": entry}}}}
     monkeypatch.setitem(devices(), "phone", resolve(config)["phone"])
-    found = static_records(measured_results, "phone")["accelerometer"]
-    assert found["verdict"] != "not_testable"
-    assert found["effects"] == []
+    record = static_records(measured_results, "phone")["accelerometer"]
+    assert record["verdict"] != "not_testable"
+    assert record["effects"] == []

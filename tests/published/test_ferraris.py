@@ -58,7 +58,7 @@ def device_with_turns(recordings, tmp_path_factory):
     }
 
     @cache
-    def made(axes, *others):
+    def device(axes, *others):
         # about each axis backwards
         sections = [
             {"axis": f"-{axis}", "angle": 360}
@@ -71,7 +71,7 @@ def device_with_turns(recordings, tmp_path_factory):
             tmp_path_factory.mktemp("f"), kinds, told, dict.fromkeys(kinds, path)
         )
 
-    return made
+    return device
 
 
 def gyroscope(device):
@@ -79,11 +79,11 @@ def gyroscope(device):
 
 
 def test_turns_have_the_scale_that_imucal_finds(device_with_turns):
-    found = gyroscope(device_with_turns(range(3), "six_position"))
-    assert found.method == "known_rotation"
-    np.testing.assert_allclose(np.radians(1) / found.K, IMUCAL, rtol=3e-4)
+    fitted = gyroscope(device_with_turns(range(3), "six_position"))
+    assert fitted.method == "known_rotation"
+    np.testing.assert_allclose(np.radians(1) / fitted.K, IMUCAL, rtol=3e-4)
     # imucal refers T to the turns as if they were square to each other: to 1 degree they are
-    assert np.abs(found.T - np.eye(3)).max() < 0.02
+    assert np.abs(fitted.T - np.eye(3)).max() < 0.02
 
 
 @pytest.mark.study
@@ -101,9 +101,9 @@ def test_turn_held_out_is_off_by_what_imucal_foresees(device_with_turns, axis):
     # one turn about each axis: without one nothing says its scale factor but the data sheet
     alone = gyroscope(device_with_turns(rest, "six_position"))
     assert alone.method == "nominal"
-    left = error(replace(alone, b=alone.raw_unit.from_si(turns.bias)))
-    assert left == pytest.approx(360 * (IMUCAL[axis] - 1), abs=0.15)
-    assert abs(left) > ASKED
+    error_alone = error(replace(alone, b=alone.raw_unit.from_si(turns.bias)))
+    assert error_alone == pytest.approx(360 * (IMUCAL[axis] - 1), abs=0.15)
+    assert abs(error_alone) > ASKED
     # the moves between the faces do, as far as gravity's direction by six faces is right
     both = gyroscope(device_with_turns(rest, "six_position", "multi_position"))
     assert both.method == "multi_position"

@@ -45,8 +45,8 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured_results):
     how = {"units": units, "gyroscope_bias": "initial_rest"}
     force, turn = calibrate_recording(recording, noise, multi.gravity, **how)
     np.testing.assert_allclose(turn.K, K_GYROSCOPE, rtol=5e-4)
-    made = zip(SENSORS, (force, turn), strict=True)
-    x = np.concatenate([in_nominal_si(*each) for each in made])
+    pairs = zip(SENSORS, (force, turn), strict=True)
+    x = np.concatenate([in_nominal_si(*pair) for pair in pairs])
     at = Factors(multi.gravity).linearised_about(recording, State(x)).at(x)
     errors = at.residual[4 * len(recording.poses) :]
     # half the sum of squared differences of unit vectors, as imu_tk prints it
@@ -56,10 +56,10 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured_results):
 
 
 def test_g_sensitivity_from_the_poses_explains_the_rotations(measured_results):
-    found = poses(measured_results, "gyroscope")
+    block = poses(measured_results, "gyroscope")
     assert measured_results.json("xsens_mti", "multi_position")["gyroscope"]["effects"] == []
-    assert [effect["name"] for effect in found["effects"]] == ["g_sensitivity"]
-    rotation = found["residuals"]["rotation"]
+    assert [effect["name"] for effect in block["effects"]] == ["g_sensitivity"]
+    rotation = block["residuals"]["rotation"]
     assert np.degrees(rotation["in_sample_after"]) <= 0.140
     # the same without the effect: 0.52 in sample, 0.63 held out as published for imu_tk's model
     assert 0.40 < np.degrees(rotation["in_sample_before"]) < 0.60

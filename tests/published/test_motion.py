@@ -44,5 +44,5 @@ def test_their_sizes_are_those_of_a_prototype(xsens):
 @pytest.mark.parametrize("board", BOARDS)
 def test_where_knocks_rule_nothing_is_said_of_motion(measured_results, board):
     for sensor in SENSORS:
-        found = measured_results.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]
-        assert found["verdict"] == "not_testable" and "knock" in found["why"]
+        block = measured_results.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]
+        assert block["verdict"] == "not_testable" and "knock" in block["why"]

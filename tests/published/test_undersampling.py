@@ -29,22 +29,22 @@ def halve_rate(recording):
     t, w = np.asarray(recording.logs[0].t), recording.logs[0].w
     usual = np.median(np.diff(t))
     first, last = np.searchsorted(t, rotations.start_s), np.searchsorted(t, rotations.end_s)
-    foreseen, found = [], []
+    foreseen, measured = [], []
     for phase in (0, 1):
         begin, end = (first + 1 - phase) // 2, (last - phase) // 2
         foreseen.append(aliased_turns(t[phase::2], w[phase::2], begin, end, *rest)[0])
         for i, j, bias in zip(2 * begin + phase, 2 * end + phase, rest[0], strict=True):
             whole = turn_of_samples(w[i : j + 1] - bias, usual)
             lack = turn_of_samples(w[i : j + 1 : 2] - bias, 2 * usual) @ whole.T
-            found.append(np.sum((lack - lack.T) ** 2) / 24)
+            measured.append(np.sum((lack - lack.T) ** 2) / 24)
     noise = (last - first) * usual**2 * rest[1].mean(axis=1)
-    return np.mean(foreseen, axis=0), np.mean(np.reshape(found, (2, -1)), axis=0) - noise
+    return np.mean(foreseen, axis=0), np.mean(np.reshape(measured, (2, -1)), axis=0) - noise
 
 
 def held_to(recording, ratio):
-    foreseen, found = halve_rate(recording)
-    assert np.sqrt(np.mean(foreseen) / np.mean(found)) == pytest.approx(ratio, rel=0.1)
-    assert np.corrcoef(foreseen, found)[0, 1] > 0.2
+    foreseen, measured = halve_rate(recording)
+    assert np.sqrt(np.mean(foreseen) / np.mean(measured)) == pytest.approx(ratio, rel=0.1)
+    assert np.corrcoef(foreseen, measured)[0, 1] > 0.2
 
 
 @pytest.mark.parametrize("board", BOARDS)

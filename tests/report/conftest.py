@@ -39,7 +39,7 @@ class Tab:
         self.page, self.asked, self.wrong = self.context.new_page(), [], []
         self.page.on("request", lambda request: self.asked.append(request.url))
         for event in ("pageerror", "console"):
-            self.page.on(event, lambda found: self.wrong.append(found))
+            self.page.on(event, lambda message: self.wrong.append(message))
 
     def open(self, path):
         """Open a page as at first, whatever was done to the last one."""
@@ -53,6 +53,6 @@ class Tab:
 
 @pytest.fixture(scope="module")
 def tab(browser):
-    found = Tab(browser)
-    yield found
-    found.context.close()
+    opened = Tab(browser)
+    yield opened
+    opened.context.close()

@@ -83,7 +83,9 @@ def above(name, unit, after, floor, verdict="unexplained"):
 @pytest.fixture
 def step(good):
     """Return a function: the next step of a device in which something is changed."""
-    return lambda *given, **changed: next_step(good(*given, **changed)).replace("\u202f", " ")
+    return lambda *arguments, **changed: next_step(good(*arguments, **changed)).replace(
+        "\u202f", " "
+    )
 
 
 def test_a_healthy_device_needs_nothing(step):
@@ -147,10 +149,10 @@ def test_what_is_unexplained_is_said_with_its_floor(step):
 
 def test_an_error_of_the_poses_comes_before_its_trace_in_motion(step):
     poses = above("gravity_norm", "m/s^2", 1.3e-2, 4.5e-3)
-    found = diagnosis(accelerometer=poses)
-    for blocks in found["sensors"].values():
+    content = diagnosis(accelerometer=poses)
+    for blocks in content["sensors"].values():
         blocks["motion"] = above("velocity_horizontal", "m/s", 2.5e-2, 7.9e-3)
-    assert step(diagnosis=found).startswith("Accelerometer, poses: the model lacks something.")
+    assert step(diagnosis=content).startswith("Accelerometer, poses: the model lacks something.")
 
 
 def test_values_at_the_end_of_the_range_come_first(good, step):

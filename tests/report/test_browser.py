@@ -37,8 +37,10 @@ def test_axe_finds_no_violation(browser, results, repository):
     page.add_script_tag(path=script)
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
-        found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes[0].html]))")
-        assert found == []
+        violations = page.evaluate(
+            "axe.run().then(r => r.violations.map(v => [v.id, v.nodes[0].html]))"
+        )
+        assert violations == []
     tab.context.close()
 
 
@@ -54,8 +56,8 @@ def test_tables_sort_by_a_click(page):
     for direction, reverse in (("ascending", False), ("descending", True)):
         head.locator("button").click()
         assert head.get_attribute("aria-sort") == direction
-        known = sorted((v for v in before if v is not None), reverse=reverse)
-        assert sizes() == known + [None] * (len(before) - len(known))
+        expected = sorted((v for v in before if v is not None), reverse=reverse)
+        assert sizes() == expected + [None] * (len(before) - len(expected))
     assert len(set(before)) > 1 and table.locator("[aria-sort]").count() == 1
 
 
@@ -87,10 +89,10 @@ def test_an_address_opens_its_part_and_print_has_what_is_open(browser, results, 
     page.goto(f"{(results / 'report.html').as_uri()}#board.noise")
     assert page.locator("[id='board.noise']").is_visible()
     page = tab.open(results / "board/report.html")
-    found, closed = pages(page), page.locator("details:not([open])")
-    assert found <= 3 and closed.count() > 2
+    count, closed = pages(page), page.locator("details:not([open])")
+    assert count <= 3 and closed.count() > 2
     closed.evaluate_all("all => all.forEach(each => each.open = true)")
-    assert pages(page) > found
+    assert pages(page) > count
     tab.context.close()
 
 

@@ -39,14 +39,14 @@ def folder(family, results, tmp_path_factory):
         summary = json.loads(text) | {"label": f"<b>{name}"}
         (folder / name / "summary.json").write_text(json.dumps(summary))
     write_family(folder / "family.json", {"chip": family.members()})
-    given = [folder / name for name in family.names]
+    folders = [folder / name for name in family.names]
     paths = folder / "report.html", folder / "comparison.csv", folder / "family.json"
-    write_report(given, PROVENANCE, *paths)
+    write_report(folders, PROVENANCE, *paths)
     return folder
 
 
 @pytest.fixture(scope="module")
-def found(folder):
+def content(folder):
     return json.loads((folder / "family.json").read_text())["types"]["chip"]
 
 
@@ -60,13 +60,13 @@ def test_the_page_is_sound_and_leads_there(folder):
     assert "d0/calibration.json" in [e["href"] for e in page.all("a")]
 
 
-def test_who_stands_out_is_named_with_the_chance_of_a_false_alarm(found, family):
+def test_who_stands_out_is_named_with_the_chance_of_a_false_alarm(content, family):
     (odd,) = family.odd
     labels = {name: f"<b>{name}" for name in family.names}
-    said = finding(found, labels)
+    said = finding(content, labels)
     assert said.startswith(f"1 device stands out: <b>{odd}. If no device were odd")
     assert f"the {39 * COUNT} tests would still name one in 5.0\u202f%" in said
-    tables = {t.caption: t for t in family_tables(found, labels)}
+    tables = {t.caption: t for t in family_tables(content, labels)}
     named = {(f"<b>{odd}", f"accelerometer, bias {axis}") for axis in "xyz"}
     assert {tuple(row[:2]) for row in tables["Devices that stand out"].rows} == named
     assert len(tables["Mean and spread of 12 devices"].rows) == 39

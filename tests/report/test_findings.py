@@ -4,15 +4,16 @@ from itertools import product
 
 import pytest
 
-from imuloop.report.effect_tables import steps_table
-from imuloop.report.findings import ABOVE, BOTH, UNTESTED, VERDICTS, answers, block_of, blocks, card
-from imuloop.report.numbers import NO_NUMBER
-from imuloop.report.page import RESIDUALS, phrase
-from imuloop.report.units import data_sheet
-from report.plausible_diagnosis import residual
+from imuloop.report.findings import ABOVE, UNTESTED, VERDICTS, answers, block_of, blocks, card
+from imuloop.report.page import phrase
 
 UNITS = {"gravity_norm": "m/s^2", "rotation": "rad", "bias": "rad/s"}
 WITHIN, OVER = (9e-3, 1e-3, 1e-3, 40), (9e-3, 3e-3, 1e-3, 40)
+
+
+def residual(unit, before, after, floor, n=24):
+    block = {"unit": unit, "n": n, "floor": floor, "before": before, "after": after}
+    return block | {"chi2_before": (before / floor) ** 2, "chi2_after": (after / floor) ** 2}
 
 
 def record(verdict, name="rotation", *effects, **more):
@@ -20,10 +21,10 @@ def record(verdict, name="rotation", *effects, **more):
     if verdict == "not_testable":
         return UNTESTED | {"why": "too few"} | more
     above = verdict in ABOVE
-    left = residual(UNITS[name], *(OVER if above else WITHIN))
-    left |= {"chi2_before": 9.0, "chi2_after": 9.0 if above else 1.0}
-    found = {"effects": [{"name": e} for e in effects], "residuals": {name: left}}
-    return UNTESTED | {"verdict": verdict} | found | more
+    block = residual(UNITS[name], *(OVER if above else WITHIN))
+    block |= {"chi2_before": 9.0, "chi2_after": 9.0 if above else 1.0}
+    fields = {"effects": [{"name": e} for e in effects], "residuals": {name: block}}
+    return UNTESTED | {"verdict": verdict} | fields | more
 
 
 def diagnosis(force, turn=None):
@@ -44,58 +45,36 @@ def test_what_is_said_holds_for_every_verdict_of_every_record():
         effects = (("steps",) if v in ("explained", "partly_explained") else () for v in verdicts)
         a, b, c, d = (record(v, n, *e) for v, n, e in zip(verdicts, names, effects, strict=True))
         force, turn = ({"poses": p, "static_record": s} for p, s in ((a, b), (c, d)))
-        found = card(blocks(diagnosis(force, turn)), [])
+        answer = card(blocks(diagnosis(force, turn)), [])
         tested = {*verdicts} - {"not_testable"}
         above = tested & {*ABOVE}
-        text = " ".join([found["found"], *(words for _, words in found["left"])])
-        assert found["found"].startswith("Hidden effect") == ("steps" in text)
+        text = " ".join([answer["found"], *(words for _, words in answer["left"])])
+        assert answer["found"].startswith("Hidden effect") == ("steps" in text)
         assert ("No hidden effect found" in text) == (tested == {"consistent"})
-        assert found["found"].startswith("Not testable") == (not tested)
+        assert answer["found"].startswith("Not testable") == (not tested)
         assert text.count("Still unexplained") == sum(v in ABOVE for v in verdicts)
         assert ("No error beyond the noise remains" in text) == bool(tested and not above)
         assert ("No other error is beyond" in text) == bool(above and tested - above)
-        assert {v for v, _ in found["left"]} >= above
-        assert bool(found["untested"]) == bool(tested and "not_testable" in verdicts[::2])
+        assert {v for v, _ in answer["left"]} >= above
+        assert bool(answer["untested"]) == bool(tested and "not_testable" in verdicts[::2])
 
 
 def test_a_residual_far_below_its_noise_is_no_good_news():
     def quiet(n, chi2):
-        left = residual("m/s^2", 3e-6, 3e-6, 1e-3, n) | {"chi2_before": chi2, "chi2_after": chi2}
-        return UNTESTED | {"verdict": "consistent", "residuals": {"gravity_norm": left}}
+        block = residual("m/s^2", 3e-6, 3e-6, 1e-3, n) | {"chi2_before": chi2, "chi2_after": chi2}
+        return UNTESTED | {"verdict": "consistent", "residuals": {"gravity_norm": block}}
 
-    found = blocks(diagnosis({"poses": quiet(13, 6e-6)}))
+    records = blocks(diagnosis({"poses": quiet(13, 6e-6)}))
     assert "corrected or filtered" in verdict(quiet(13, 6e-6), "accelerometer")
-    assert "far quieter than its noise allows" in answers(found)[0][2]
-    assert "far quieter than its noise allows" in card(found, [])["left"][-1][1]
+    assert "far quieter than its noise allows" in answers(records)[0][2]
+    assert "far quieter than its noise allows" in card(records, [])["left"][-1][1]
     # luck of few poses, and a floor that upper limits raise
     for n, chi2 in ((9, 1e-3), (11, 0.02), (38, 0.4), (38, 0.08)):
         assert "corrected" not in verdict(quiet(n, chi2), "accelerometer")
 
 
-def test_effects_of_both_sensors_in_motion_are_one_answer():
-    def motion(verdict, *effects):
-        late = {"name": "time_offset", "status": "confounded", "why": "", "p_value": 0.1}
-        own = [[late | {"status": "added"}], [late]]
-        left = {"velocity_vertical": residual("m/s", 20e-3, 6e-3, 4e-3, 20)}
-        moves = {"all": 37, "left_out": 17}
-        common = {"verdict": verdict, "residuals": left, "confounded": [], "moves": moves}
-        records = zip(effects or ((), ()), own, strict=True)
-        sensors = ({"motion": common | {"effects": e, "candidates": c}} for e, c in records)
-        return diagnosis(*sensors)
-
-    found = motion("partly_explained", [{"name": "lever_arm"}], [{"name": "gyro_axis_delay"}])
-    [(place, _, words)] = answers(blocks(found))[2:]
-    assert place == "both in motion" and "lever arm and delays between" in words
-    both = block_of(found, BOTH, "motion")
-    # a candidate of one sensor is no candidate of the other
-    assert [c["status"] for c in both["candidates"]] == ["added"]
-    assert "17 of 37 moves" in phrase("verdict", b=both)
-    # at its floor, or without a test, motion is no answer
-    assert len(answers(blocks(motion("consistent")))) == len(answers(blocks({}))) == 2
-
-
 SIZES = {"rotation": ("rad", 19.6e-3, 19.6e-3, 18e-3), "pose_rate": ("rad/s", 2e-3, 2e-4, 1.8e-4)}
-FELL = {"residuals": {name: residual(*each) for name, each in SIZES.items()}}
+FELL = {"residuals": {name: residual(*sizes) for name, sizes in SIZES.items()}}
 TURN = {"session": "poses", "start_s": 120.0, "end_s": 121.5, "angle": 0.5}
 SLOW = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
 SLOW = {"residuals": {"rotation": residual("rad", *OVER) | {"undersampled": SLOW}}}
@@ -115,16 +94,3 @@ SAID = [
 @pytest.mark.parametrize(("block", "words"), SAID)
 def test_what_is_found_in_turns_is_said_with_its_numbers(block, words):
     assert words in verdict(block)
-
-
-@pytest.mark.parametrize("kind", RESIDUALS)
-@pytest.mark.parametrize("own", [("m/s", "velocity_vertical"), ("m/s^2", "gravity_norm")])
-def test_an_error_is_shown_in_its_own_unit_or_not_at_all(kind, own):
-    """Protects an error from a wrong unit where the block lacks the residual: rad shown as mm/s."""
-    unit, name = own
-    added = {"name": "scale_asymmetry", "p_value": 0.1, "residual": kind, "ratio_ci95": [0.5, 0.9]}
-    block = {"residuals": {name: residual(unit, 3.0, 2.0, 1.0)}, "sensor": BOTH, "part": "motion"}
-    block["effects"] = [added | {"heldout_before": 3.0, "heldout_after": 2.0}]
-    for error in map(str, steps_table(block).rows[0][3:5]):
-        assert (data_sheet(unit).unit in error) == (kind == name)
-        assert (error == NO_NUMBER) == (kind != name)

@@ -15,18 +15,18 @@ THIN = "\u202f"
 
 # σ has two digits, and the value ends at the same place
 TEXTS = [
-    *((with_sigma(*each), text) for each, text in (
+    *((with_sigma(*arguments), text) for arguments, text in (
         ((1.23456, 0.012), "1.235 ± 0.012"), ((33124.2, 5.1), "33 124.2 ± 5.1"),
         ((12345, 234), "12 340 ± 230"), ((1.23e-5, 4e-7), "(1.230 ± 0.040) × 10⁻⁵"),
         ((-0.5, 0.0996), "−0.50 ± 0.10"), ((-0.0001, 0.02), "0.000 ± 0.020"),
         ((0.2, 0.996), "0.2 ± 1.0"), ((3.0, None), "3.00"), ((float("nan"), 0.1), "—"))),
-    *((number(*each), text) for each, text in (
+    *((number(*arguments), text) for arguments, text in (
         ((0, 3), "0"), ((0.99996, 3), "1.00"), ((9.80665, 5), "9.8066"),
         ((-1.5e-7, 3), "−1.50 × 10⁻⁷"), ((720000, 3), "720 000"), ((float("inf"), 3), "—"))),
-    *((coefficient_text(each), text) for each, text in (
+    *((coefficient_text(arguments), text) for arguments, text in (
         (Coefficient(upper95=2.5e-6), "< 2.5 × 10⁻⁶"), (Coefficient(), "—"),
         (Coefficient(1.0, (0.9, 1.1), 1.09, True), "1.000 ± 0.051"))),
-    *((interval_text(each), text) for each, text in (
+    *((interval_text(arguments), text) for arguments, text in (
         ((84.161, 84.742), "84.16 to 84.74"), ((0.0, 12.0), "0 to 12"), ((1.0, None), "—"))),
     (duration(12), "12.0 s"), (duration(7200), "2.00 h"),
 ]  # fmt: skip

@@ -22,11 +22,11 @@ def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     # the logs' author counts 14 to 18 that lie still
     assert metadata["hand_held"] and metadata["poses"] == 22
     rests = rests_of(segments)
-    held = (rests["tilt_rad"] > 0).to_numpy()
+    in_hand = (rests["tilt_rad"] > 0).to_numpy()
     for start, end in ((0.5, 6.5), (9.0, 13.6), (19.1, 20.9), (44.7, 49.9), (57.4, 62.5)):
-        assert held[(rests["start_s"] < end) & (rests["end_s"] > start)].all(), (start, end)
+        assert in_hand[(rests["start_s"] < end) & (rests["end_s"] > start)].all(), (start, end)
     # 0.39 to 0.45 mrad/s with those rests; the scatter of a white floor would be 0.06
-    w = rests[~held].groupby("pose")[[f"{c}_mean" for c in ANGULAR_RATE]].mean()
+    w = rests[~in_hand].groupby("pose")[[f"{c}_mean" for c in ANGULAR_RATE]].mean()
     assert np.sqrt(np.mean((w - w.mean()).to_numpy() ** 2)) < 0.25e-3
 
 

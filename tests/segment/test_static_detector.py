@@ -29,11 +29,11 @@ def test_rests_are_found_within_a_window_of_the_truth(first):
     samples, truth = pose_log(random_turns(14, 1), [first] + [4.0] * 14)
     rests, metadata = segment_samples(samples)
     assert metadata["poses"] == 15
-    found = rests[["start_s", "end_s"]].to_numpy()
-    assert np.all(np.abs(found - truth) <= SETTINGS.window_s)
+    spans = rests[["start_s", "end_s"]].to_numpy()
+    assert np.all(np.abs(spans - truth) <= SETTINGS.window_s)
     # never any of the turn itself, but for its first and last few hundredths
-    assert np.all(found[1:, 0] >= truth[1:, 0] - 0.05)
-    assert np.all(found[:-1, 1] <= truth[:-1, 1] + 0.05)
+    assert np.all(spans[1:, 0] >= truth[1:, 0] - 0.05)
+    assert np.all(spans[:-1, 1] <= truth[:-1, 1] + 0.05)
 
 
 def test_a_slow_turn_about_the_vertical_is_no_rest():
@@ -59,9 +59,9 @@ def test_a_bias_that_jumps_ends_no_rests(at):
     rests, _ = segment_samples(samples)
     later = samples[TIME] > at * samples[TIME].iloc[-1]
     samples[list(ANGULAR_RATE)] += np.outer(later, [1.0, 0, 0]) * DEGREE
-    found, _ = segment_samples(samples)
-    assert len(rests) == len(truth) and len(found) >= len(rests)
-    missing = set(rests["start_s"].round(1)) - set(found["start_s"].round(1))
+    later_rests, _ = segment_samples(samples)
+    assert len(rests) == len(truth) and len(later_rests) >= len(rests)
+    missing = set(rests["start_s"].round(1)) - set(later_rests["start_s"].round(1))
     # that in which it jumps is cut in two
     assert len(missing) <= 1
 

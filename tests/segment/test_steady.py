@@ -72,8 +72,8 @@ def test_rests_in_the_hand_are_told_from_true_rests(motion):
     assert np.all(seconds[true] > rest_seconds(plain, truth)[true] - 0.25)
     assert metadata["hand_held"] and metadata["poses"] == 21
     rests = rests_of(segments)
-    held = np.isin(np.arange(21), SPOILT)
-    assert np.array_equal(rests["tilt_rad"] > 0, held)
+    in_hand = np.isin(np.arange(21), SPOILT)
+    assert np.array_equal(rests["tilt_rad"] > 0, in_hand)
     # the turn within a rest is above the error that it makes in the rate
     names = [f"{channel}_mean" for channel in ANGULAR_RATE]
     error = (rests[names].to_numpy() - rests_of(plain)[names].to_numpy())[SPOILT]

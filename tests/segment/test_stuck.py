@@ -12,8 +12,8 @@ from imuloop.core.samples import read_columns, read_metadata
 
 @pytest.mark.parametrize("hangs", [False, True])
 def test_what_a_gyroscope_repeats_is_a_gap(hangs, tmp_path):
-    made = record(13, "clean")
-    log, rests = pd.DataFrame(made.columns), made.rests
+    device_log = record(13, "clean")
+    log, rests = pd.DataFrame(device_log.columns), device_log.rests
     start, end = rests[6, 1] - 2, rests[7, 0] + 2
     if hangs:
         first, last = np.searchsorted(log["t"], [start, end])

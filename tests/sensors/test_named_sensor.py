@@ -37,11 +37,11 @@ def log():
 @pytest.fixture(scope="module")
 def counts(log, tmp_path_factory):
     """Return the path of the log in counts of the ranges."""
-    found = log.copy()
+    table = log.copy()
     for names, scale in zip((ACCELERATION, ANGULAR_RATE), SCALES.values(), strict=True):
-        found[list(names)] = np.round(found[list(names)] / scale)
+        table[list(names)] = np.round(table[list(names)] / scale)
     path = tmp_path_factory.mktemp("counts") / "counts.csv"
-    found.to_csv(path, index=False)
+    table.to_csv(path, index=False)
     return path
 
 

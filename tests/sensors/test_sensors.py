@@ -35,13 +35,13 @@ def test_the_table_has_common_sensors_and_fits_its_schema(table):
 def test_scale_times_counts_is_the_full_scale(table, name):
     sheet = find_sensor(name)
     for sensor in SENSORS:
-        found, part = getattr(sheet, sensor), table[name].get(sensor)
-        assert (found is None) == (part is None)
-        if found is None:
+        sheet_part, part = getattr(sheet, sensor), table[name].get(sensor)
+        assert (sheet_part is None) == (part is None)
+        if sheet_part is None:
             continue
-        counts = part.get("full_count", [2 ** (part["count_bits"] - 1)] * len(found.ranges))
-        largest = [each.scale * n for each, n in zip(found.ranges, counts, strict=True)]
-        full_scales = [each.full_scale for each in found.ranges]
+        counts = part.get("full_count", [2 ** (part["count_bits"] - 1)] * len(sheet_part.ranges))
+        largest = [span.scale * n for span, n in zip(sheet_part.ranges, counts, strict=True)]
+        full_scales = [span.full_scale for span in sheet_part.ranges]
         assert largest == pytest.approx(full_scales, rel=1e-3)
         assert full_scales == sorted(set(full_scales))
         assert max(counts) <= 2 ** (part["count_bits"] - 1)
@@ -111,8 +111,8 @@ GRADED = "adis16465 adis16467 adis16475 adis16477 adis16505 adis16507"
 def test_scales_are_those_of_drivers(names, sensor, scales, unit):
     for name in names.split():
         for full_scale, scale in scales.items():
-            found = find_sensor(name).choose_range(QUANTITIES[sensor], full_scale).scale
-            assert found == pytest.approx(scale * unit, rel=1.5e-3), (name, full_scale)
+            stated = find_sensor(name).choose_range(QUANTITIES[sensor], full_scale).scale
+            assert stated == pytest.approx(scale * unit, rel=1.5e-3), (name, full_scale)
 
 
 @pytest.mark.parametrize(
@@ -180,18 +180,18 @@ def test_an_unknown_range_is_refused_with_the_known_ones(wanted):
     ],
 )
 def test_a_tolerance_becomes_a_standard_deviation(name, sensor, tolerance):
-    found = getattr(find_sensor(name), sensor).tolerance
+    stated = getattr(find_sensor(name), sensor).tolerance
     wanted = Tolerance(*tolerance)
     for parameter in ("misalignment", "scale_factor", "bias"):
-        assert getattr(found, parameter) == pytest.approx(getattr(wanted, parameter)), parameter
+        assert getattr(stated, parameter) == pytest.approx(getattr(wanted, parameter)), parameter
 
 
 def test_no_sheet_makes_a_narrower_bias_than_a_sensor_without_a_name():
     assert GENERIC["accelerometer"] == Tolerance(0.02, 0.03, 0.5)
     assert GENERIC["gyroscope"] == Tolerance(0.02, 0.03, 0.2)
     for sensor, generic in GENERIC.items():
-        found = [getattr(find_sensor(name), sensor) for name in NAMES]
-        tolerances = [each.tolerance for each in found if each]
-        assert min(each.bias for each in tolerances) == generic.bias
-        assert min(each.scale_factor for each in tolerances) == 0.01
-        assert min(each.misalignment for each in tolerances) >= 0.01
+        sheets = [getattr(find_sensor(name), sensor) for name in NAMES]
+        tolerances = [sheet.tolerance for sheet in sheets if sheet]
+        assert min(sheet.bias for sheet in tolerances) == generic.bias
+        assert min(sheet.scale_factor for sheet in tolerances) == 0.01
+        assert min(sheet.misalignment for sheet in tolerances) >= 0.01

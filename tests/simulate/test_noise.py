@@ -35,12 +35,12 @@ PROCESSES = {
 @pytest.mark.parametrize("process", PROCESSES)
 def test_allan_variance_is_the_closed_form(process):
     make, expected, shortest = PROCESSES[process]
-    found = np.array(
+    variances = np.array(
         [allan_variance([make(50_000, np.random.default_rng(k))], LENGTHS) for k in range(SEEDS)]
     )
-    error = found.mean(axis=0) / expected - 1
+    error = variances.mean(axis=0) / expected - 1
     # four standard errors of the mean, and 1 % for what sampling does at short times
-    bound = 4 * found.std(axis=0) / np.sqrt(SEEDS) / expected + 0.01
+    bound = 4 * variances.std(axis=0) / np.sqrt(SEEDS) / expected + 0.01
     holds = LENGTHS >= shortest
     assert np.all(np.abs(error[holds]) < bound[holds]), error
 

@@ -48,8 +48,8 @@ def test_mean_deviation_and_white_noise_at_rest(phone):
     tolerance = np.array([0.04, 0.25 if name == "iphone_6" else 0.04, 0.06, 0.09, 0.09, 0.07])
     assert np.all(np.abs(x.std(axis=0) / published["std"] - 1) < tolerance)
     # Allan deviation at one sample, the publication's unit of time
-    found = np.sqrt(np.mean(np.diff(x, axis=0) ** 2, axis=0) / 2)
-    np.testing.assert_allclose(found, published["N"], rtol=0.02)
+    deviation = np.sqrt(np.mean(np.diff(x, axis=0) ** 2, axis=0) / 2)
+    np.testing.assert_allclose(deviation, published["N"], rtol=0.02)
 
 
 def test_gyroscope_is_rounded(phone):

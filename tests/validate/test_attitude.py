@@ -29,12 +29,12 @@ from imuloop.validate.attitude import (
 SETTINGS = DiagnoseSettings()
 
 
-def diagnose_poses(made):
+def diagnose_poses(log):
     """Return the Diagnosed of poses by the noise of the example, whatever effects they hold."""
     with patch(LIMITS, return_value={}):
-        poses = pose_results(example_truth(), made)
+        poses = pose_results(example_truth(), log)
     calibration = Calibration("d", 9.80665, *(poses.calibrations.get(s) for s in SENSORS))
-    return Diagnosed({}, calibration, {}, poses.problem.joint_fit.noise, poses, made, ["turns"], {})
+    return Diagnosed({}, calibration, {}, poses.problem.joint_fit.noise, poses, log, ["turns"], {})
 
 
 def test_the_filter_has_gravity_where_a_quarter_turn_brings_it():
@@ -49,27 +49,27 @@ def test_the_filter_has_gravity_where_a_quarter_turn_brings_it():
     stretch = Stretch(
         np.arange(2), t, slice(0, len(t)), np.array([0, 600]), np.array([500, len(t) - 1])
     )
-    given = step_vectors(w, np.diff(t)), 9.8 * up, stretch, np.array([[0, 0, 1.0], [0, 1.0, 0]])
-    alone, filtered = (np.degrees(METHODS[m](*given)) for m in ("rotation", "filter"))
+    arguments = step_vectors(w, np.diff(t)), 9.8 * up, stretch, np.array([[0, 0, 1.0], [0, 1.0, 0]])
+    alone, filtered = (np.degrees(METHODS[m](*arguments)) for m in ("rotation", "filter"))
     assert alone.max() < 0.1
     assert filtered.shape == (1, 2) and filtered.max() < 0.1
 
 
 @pytest.fixture(scope="module")
 def sensitive_device():
-    made = recording(with_g_sensitivity(example_truth(), MATRIX), 1)
-    found = diagnose_poses(made)
-    return made, found, validate_attitude("d", found, SETTINGS)
+    log = recording(with_g_sensitivity(example_truth(), MATRIX), 1)
+    diagnosed = diagnose_poses(log)
+    return log, diagnosed, validate_attitude("d", diagnosed, SETTINGS)
 
 
 @pytest.fixture(scope="module")
 def plain_device():
-    made = recording(example_truth(), 2)
-    return made, diagnose_poses(made)
+    log = recording(example_truth(), 2)
+    return log, diagnose_poses(log)
 
 
 def test_the_error_falls_to_that_of_the_truth(sensitive_device):
-    made, _, (content, table) = sensitive_device
+    log, _, (content, table) = sensitive_device
     rotation = content["methods"]["rotation"]
     errors = {m: e["rms_deg"] for m, e in rotation["models"].items()}
     assert errors["raw"] > 3 * errors["base"]
@@ -78,7 +78,7 @@ def test_the_error_falls_to_that_of_the_truth(sensitive_device):
     low, high = rotation["ratio_ci95"]
     assert low < rotation["base_over_final"] == pytest.approx(errors["base"] / errors["final"])
     assert low > 1.5 and high > rotation["base_over_final"]
-    assert rotation["n"] == len(made.rotations)
+    assert rotation["n"] == len(log.rotations)
     # with the filter too, though it learns a bias itself; its rows are of arrival and departure
     filtered = content["methods"]["filter"]
     errors = {m: e["rms_deg"] for m, e in filtered["models"].items()}
@@ -92,30 +92,30 @@ def test_the_error_falls_to_that_of_the_truth(sensitive_device):
 
 
 def test_models_do_not_see_what_they_are_judged_by(sensitive_device):
-    made, found, _ = sensitive_device
-    block = blocks(len(made.poses), SETTINGS)
-    held = block == 1
+    log, diagnosed, _ = sensitive_device
+    block = blocks(len(log.poses), SETTINGS)
+    out = block == 1
     # with two others, by which effects are chosen without it
-    parts = np.where(held, 1, 2 * (block % 2))
+    parts = np.where(out, 1, 2 * (block % 2))
     # some fifty standard errors of a pose
     poses = replace(
-        made.poses,
-        w=made.poses.w + 0.004 * held[:, None],
-        f=made.poses.f * (1 + 0.004 * held)[:, None],
+        log.poses,
+        w=log.poses.w + 0.004 * out[:, None],
+        f=log.poses.f * (1 + 0.004 * out)[:, None],
     )
-    touched = held[made.rotations.first] | held[made.rotations.first + 1]
-    rotations = replace(made.rotations, w=made.rotations.w + 0.004 * touched[:, None, None])
-    spoiled = replace(made, poses=poses, rotations=rotations)
-    pair, models = found.poses.problem.joint_fit, []
-    for each in (made, spoiled):
-        problem = replace(found.poses.choices.problem, recording=each, _fits={}, _columns={})
-        models.append(held_out_models(found, problem.with_folds(parts))[1])
-    (effect,) = (e for e in found.poses.choices.choice().effects if e.name == "g_sensitivity")
-    one, other = (each["final"] for each in models)
+    touched = out[log.rotations.first] | out[log.rotations.first + 1]
+    rotations = replace(log.rotations, w=log.rotations.w + 0.004 * touched[:, None, None])
+    spoiled = replace(log, poses=poses, rotations=rotations)
+    pair, models = diagnosed.poses.problem.joint_fit, []
+    for log_of in (log, spoiled):
+        problem = replace(diagnosed.poses.choices.problem, recording=log_of, _fits={}, _columns={})
+        models.append(held_out_models(diagnosed, problem.with_folds(parts))[1])
+    (effect,) = (e for e in diagnosed.poses.choices.choice().effects if e.name == "g_sensitivity")
+    one, other = (log_of["final"] for log_of in models)
     # effects that a model lacks count as noise by all rows, so the base model's weights do too
-    alone = pair.calibrations(pair.fit(made.select(~held), (effect,)))
+    alone = pair.calibrations(pair.fit(log.select(~out), (effect,)))
     for sensor, names in NAMES.items():
-        a, b = (getattr(each, sensor) for each in (one, other))
+        a, b = (getattr(log_of, sensor) for log_of in (one, other))
         assert [e.name for e in a.effects] == [e.name for e in b.effects]
         # their influence on the noise, and on the point of linearisation
         moved = difference(a, b, names) / [alone[sensor].std[p] for p in names]

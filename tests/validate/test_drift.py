@@ -68,9 +68,9 @@ def switched_on(scatter, seed):
 
 @pytest.fixture(scope="module", params=[30, pytest.param(100, marks=pytest.mark.study)])
 def calibrations(request, still_recording):
-    made = (draw_noise(still_recording, seed) for seed in range(request.param))
+    logs = (draw_noise(still_recording, seed) for seed in range(request.param))
     how = NOISE, TRUTH.gravity, UNITS, CalibrateSettings()
-    return [Calibration("d", TRUTH.gravity, **calibrate_sensors(each, *how)) for each in made]
+    return [Calibration("d", TRUTH.gravity, **calibrate_sensors(log, *how)) for log in logs]
 
 
 @pytest.mark.parametrize(
@@ -82,13 +82,13 @@ def test_false_alarms_are_as_rare_as_the_level_says(
     still_recording, calibrations, scatter, allowed
 ):
     """Protects a device that was switched off in between: its biases move, nothing else does."""
-    found = []
-    for seed, each in enumerate(calibrations[:: 1 if allowed else 2]):
+    alarms = []
+    for seed, calibration in enumerate(calibrations[:: 1 if allowed else 2]):
         force, turn = (lambda y, by=by: y + by for by in switched_on(scatter, seed))
         log = draw_noise(still_recording, 1000 + seed, force, turn)
-        found.append(check_drift(each, log, NOISE, turn_on=allowed).drifted)
+        alarms.append(check_drift(calibration, log, NOISE, turn_on=allowed).drifted)
     # 5 % at most: Holm and the sharing make it fewer
-    assert (allowed is not None) <= sum(found) <= least_count(len(found), 0.05, 0.995)
+    assert (allowed is not None) <= sum(alarms) <= least_count(len(alarms), 0.05, 0.995)
 
 
 def far_bias(y):
@@ -119,13 +119,13 @@ def test_a_drift_is_found_where_it_is(still_recording, calibrations, drift):
     changes, scatter, expected = DRIFTS[drift]
     steady, others = scatter == STEADY, 0
     count = 20 if steady else 5
-    for seed, each in enumerate(calibrations[:count]):
+    for seed, calibration in enumerate(calibrations[:count]):
         jumps = switched_on(scatter, seed)
         moved = [lambda y, c=c, by=by: c(y) + by for c, by in zip(changes, jumps, strict=True)]
         log = draw_noise(still_recording, 2000 + seed, *moved)
-        found = check_drift(each, log, NOISE, turn_on=STEADY if steady else None)
-        assert found.drifted and not found.bias_only == (drift != "bias")
-        for sensor, true in zip(found.sensors.values(), expected, strict=True):
+        result = check_drift(calibration, log, NOISE, turn_on=STEADY if steady else None)
+        assert result.drifted and not result.bias_only == (drift != "bias")
+        for sensor, true in zip(result.sensors.values(), expected, strict=True):
             names = {c.name for c in sensor.changes if c.drifted}
             assert names >= {*true}
             others += len(names - {*true})
@@ -135,13 +135,13 @@ def test_a_drift_is_found_where_it_is(still_recording, calibrations, drift):
 
 
 def test_one_rest_shows_the_bias_along_gravity_and_the_gyroscope_s(still_recording, calibrations):
-    made = draw_noise(still_recording, 8, lambda f: f + np.array([0, 0, 0.02]))
-    upright = np.argmax(made.poses.f[:, 2])
-    one = made.select(np.arange(len(made.poses)) == upright)
-    found = check_drift(calibrations[0], one, NOISE, turn_on=STEADY)
-    force, turn = found.sensors["accelerometer"], found.sensors["gyroscope"]
+    log = draw_noise(still_recording, 8, lambda f: f + np.array([0, 0, 0.02]))
+    upright = np.argmax(log.poses.f[:, 2])
+    one = log.select(np.arange(len(log.poses)) == upright)
+    result = check_drift(calibrations[0], one, NOISE, turn_on=STEADY)
+    force, turn = result.sensors["accelerometer"], result.sensors["gyroscope"]
     assert [c.name.startswith("b along (") for c in force.changes] == [True]
-    u = made.poses.f[upright] / np.linalg.norm(made.poses.f[upright])
+    u = log.poses.f[upright] / np.linalg.norm(log.poses.f[upright])
     assert force.drifted and abs(force.changes[0].change - 0.02 * u[2]) < 5 * force.changes[0].std
     assert set(force.untested) == set(calibrations[0].accelerometer.names)
     assert {c.name for c in turn.changes} == {"b0", "b1", "b2"} and not turn.drifted
@@ -206,11 +206,13 @@ def test_new_biases_are_as_near_the_truth_as_their_covariance_says(
         log = jumped(still_recording, 3000 + seed, truth).select(keep)
         new = update_biases(old, log, noise, "log")[0]
         for name, jump in JUMP.items():
-            found = getattr(new, name)
-            error = parameters(found, found.names) - parameters(getattr(truth, name), found.names)
+            sensor = getattr(new, name)
+            error = parameters(sensor, sensor.names) - parameters(
+                getattr(truth, name), sensor.names
+            )
             error[-3:] -= jump
-            pulls[name].append(error[-3:] / [found.std[f"b{k}"] for k in range(3)])
-            joint[name].append(error @ np.linalg.solve(found.covariance, error) / len(error))
+            pulls[name].append(error[-3:] / [sensor.std[f"b{k}"] for k in range(3)])
+            joint[name].append(error @ np.linalg.solve(sensor.covariance, error) / len(error))
     for name, off in pulls.items():
         assert np.mean(np.abs(off) < 3) > 0.97 and np.abs(off).max() < 4.5
         assert abs(np.sqrt(np.mean(np.square(off))) - 1) < 2.5 / np.sqrt(2 * len(off))
@@ -222,35 +224,35 @@ def test_nothing_but_the_biases_changes(still_recording, calibrations):
     """Protects T, K, the effects and their covariance, to the last bit, in SI and in counts."""
     values = {name: 1e-5 for name in GSensitivity().parameters}
     effect = FittedEffect(GSensitivity(), values, dict.fromkeys(values, 1e-6))
-    log, old, found = jumped(still_recording, 11), calibrations[0], []
+    log, old, updated = jumped(still_recording, 11), calibrations[0], []
     old = replace(old, gyroscope=replace(old.gyroscope, effects=(effect,)))
-    for each in (old, replace(old, accelerometer=in_counts(old.accelerometer, SCALE))):
-        new, kept = update_biases(each, log, NOISE, "new.csv")
+    for calibration in (old, replace(old, accelerometer=in_counts(old.accelerometer, SCALE))):
+        new, kept = update_biases(calibration, log, NOISE, "new.csv")
         assert not kept and new.updated == dict.fromkeys(JUMP, "new.csv")
-        found.append(new)
+        updated.append(new)
         for sensor in JUMP:
-            one, other = (getattr(c, sensor) for c in (each, new))
+            one, other = (getattr(c, sensor) for c in (calibration, new))
             assert one.T.tobytes() == other.T.tobytes() and one.K.tobytes() == other.K.tobytes()
             assert one.effects == other.effects and one.names == other.names
             k = len(one.names) - 3
             assert one.covariance[:k, :k].tobytes() == other.covariance[:k, :k].tobytes()
             assert not np.any(one.b == other.b)
-    si, counts = (each.accelerometer for each in found)
+    si, counts = (calibration.accelerometer for calibration in updated)
     np.testing.assert_allclose(counts.raw_unit.to_si(counts.b), si.b, rtol=1e-9, atol=1e-9)
     std = [counts.std[f"b{k}"] * SCALE for k in range(3)]
     np.testing.assert_allclose(std, [si.std[f"b{k}"] for k in range(3)], rtol=1e-6)
     # the effect stays in the effect: the bias is the rest of the rate
     without = update_biases(calibrations[0], log, NOISE, "new.csv")[0].gyroscope
-    assert np.abs(found[0].gyroscope.b - without.b).max() > 1e-7
+    assert np.abs(updated[0].gyroscope.b - without.b).max() > 1e-7
 
 
 def test_a_bias_that_the_log_does_not_determine_stays(still_recording, calibrations):
     """Protects an accelerometer from the one or two attitudes of a short log."""
-    made, old = jumped(still_recording, 12), calibrations[0]
-    f = made.poses.f / np.linalg.norm(made.poses.f, axis=1, keepdims=True)
+    log, old = jumped(still_recording, 12), calibrations[0]
+    f = log.poses.f / np.linalg.norm(log.poses.f, axis=1, keepdims=True)
     near = f @ f[0] > 0.999
     for keep in (np.arange(len(f)) == 0, near | (np.arange(len(f)) == np.argmin(f @ f[0]))):
-        new, kept = update_biases(old, made.select(keep), NOISE, "log")
+        new, kept = update_biases(old, log.select(keep), NOISE, "log")
         assert set(kept) == {"accelerometer"} and "three or more" in kept["accelerometer"]
         assert new.accelerometer is old.accelerometer
         assert new.updated == {"gyroscope": "log"}

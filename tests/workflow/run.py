@@ -17,8 +17,8 @@ FORKS.set_forkserver_preload(
 
 def words(repository, folder, *arguments, target="results/report.html", config="config.yaml"):
     snakefile = Path(repository) / "Snakefile"
-    found = ["-s", snakefile, "-d", folder, "-c2", *(["--configfile", config] if config else [])]
-    return [str(w) for w in (*found, *arguments, *(["--", *target.split()] if target else []))]
+    options = ["-s", snakefile, "-d", folder, "-c2", *(["--configfile", config] if config else [])]
+    return [str(w) for w in (*options, *arguments, *(["--", *target.split()] if target else []))]
 
 
 def command(repository, folder, *arguments, **how):
@@ -35,9 +35,9 @@ def snakemake(
     **environment,
 ):
     """Run the workflow of a repository in a folder; return the finished process."""
-    found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
+    variables = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
     run = words(repository, folder, *arguments, target=target, config=config)
-    return run_fork(run, cwd or folder, found | environment)
+    return run_fork(run, cwd or folder, variables | environment)
 
 
 def run_fork(arguments, cwd, env):

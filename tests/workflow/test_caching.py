@@ -25,11 +25,11 @@ REPORT = {"report/report"}
 
 def jobs(device, first, *read):
     """Return the jobs of a device from a stage on, and those that read some sessions before."""
-    found = {f"{stage}/{device}/{name}" for stage in ("ingest", "segment") for name in read}
+    names_of_jobs = {f"{stage}/{device}/{name}" for stage in ("ingest", "segment") for name in read}
     for stage in STAGES[STAGES.index(first) :]:
         names = SESSIONS[device] if stage == "allan" else ()
-        found |= {f"{stage}/{device}/{name}" for name in names} or {f"{stage}/{device}"}
-    return found
+        names_of_jobs |= {f"{stage}/{device}/{name}" for name in names} or {f"{stage}/{device}"}
+    return names_of_jobs
 
 
 def planned_jobs(checkout, folder, changed=None, **options):
@@ -64,8 +64,8 @@ def edit(path, source):
 def test_what_changes_no_content_reruns_nothing(finished_run, checkout, written_config, tmp_path):
     """New times of all files, a comment, a docstring, a device less, another order of keys."""
     # as a cache restores it: other times, no logs, and of Snakemake's folder only its records
-    left = shutil.ignore_patterns("logs", "benchmarks", ".snakemake")
-    folder = shutil.copytree(finished_run[0], tmp_path / "work", ignore=left)
+    ignored = shutil.ignore_patterns("logs", "benchmarks", ".snakemake")
+    folder = shutil.copytree(finished_run[0], tmp_path / "work", ignore=ignored)
     shutil.copytree(finished_run[0] / ".snakemake/metadata", folder / ".snakemake/metadata")
     # first the last result, then its inputs
     for path in sorted((*checkout.rglob("*"), *folder.rglob("*")), reverse=True):
@@ -107,8 +107,8 @@ def test_a_prior_and_a_tolerance_rerun_the_calibration_of_their_device(
     folder, checkout, written_config
 ):
     """The file of the prior is as large as the one before and older."""
-    made = read_json(folder / "results/resting/calibration.json")
-    assert {made[sensor]["prior"]["source"] for sensor in SENSORS} == {"earlier.json"}
+    calibration = read_json(folder / "results/resting/calibration.json")
+    assert {calibration[sensor]["prior"]["source"] for sensor in SENSORS} == {"earlier.json"}
     earlier = folder / "earlier.json"
     text = earlier.read_text()
     earlier.write_text(text.replace('"gravity": 9.80665', '"gravity": 9.80655'))
@@ -133,9 +133,10 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
 def test_an_edited_module_reruns_the_stages_that_import_it(finished_run, checkout):
     module = checkout / "workflow/lib/imuloop/diagnose/content.py"
     with edit(module, f"{module.read_text()}\nEXTRA = 1\n"):
-        found = planned_jobs(checkout, finished_run[0])
+        planned = planned_jobs(checkout, finished_run[0])
     assert (
-        found == {job for device in CONFIG["devices"] for job in jobs(device, "diagnose")} | REPORT
+        planned
+        == {job for device in CONFIG["devices"] for job in jobs(device, "diagnose")} | REPORT
     )
 
 
@@ -143,16 +144,16 @@ def test_an_edited_module_reruns_the_stages_that_import_it(finished_run, checkou
 def test_an_edited_reader_reruns_ingest_of_its_formats(finished_run, checkout, reader, reruns):
     module = checkout / f"workflow/lib/imuloop/ingest/{reader}.py"
     with edit(module, f"{module.read_text()}\nEXTRA = 1\n"):
-        found = planned_jobs(checkout, finished_run[0])
+        planned = planned_jobs(checkout, finished_run[0])
     ingest = {f"ingest/{device}/{name}" for device, names in SESSIONS.items() for name in names}
-    assert found & ingest == (ingest - {"ingest/new/rest"} if reruns else set())
+    assert planned & ingest == (ingest - {"ingest/new/rest"} if reruns else set())
 
 
 def test_an_edited_template_reruns_its_jobs(finished_run, checkout):
     file = checkout / "workflow/templates/export/left_out.j2"
     with edit(file, f"{file.read_text()}\nX = 1\n"):
-        found = planned_jobs(checkout, finished_run[0])
-    assert found == {f"report_device/{device}" for device in CONFIG["devices"]} | REPORT
+        planned = planned_jobs(checkout, finished_run[0])
+    assert planned == {f"report_device/{device}" for device in CONFIG["devices"]} | REPORT
 
 
 # message about a result that was cut

@@ -112,33 +112,33 @@ def test_a_calibration_is_the_model_that_its_file_holds(folder, kinds, name):
 
 def test_the_diagnosis_names_residuals_effects_and_candidates(folder):
     for sensor, data in read(folder / "diagnosis.json")["sensors"].items():
-        for kind, found in data.items():
-            if found["verdict"] == "not_testable":
-                assert found["why"]
+        for kind, block in data.items():
+            if block["verdict"] == "not_testable":
+                assert block["why"]
                 continue
-            units = {key: r["unit"] for key, r in found["residuals"].items()}
+            units = {key: r["unit"] for key, r in block["residuals"].items()}
             assert units == RESIDUALS[sensor, kind]
-            for effect in found["effects"]:
+            for effect in block["effects"]:
                 assert effect["heldout_after"] < effect["heldout_before"]
                 low, high = effect["ratio_ci95"]
                 assert low <= effect["heldout_after"] / effect["heldout_before"] <= high
-            candidates = {c["name"]: c for c in found["candidates"]}
+            candidates = {c["name"]: c for c in block["candidates"]}
             assert set(candidates) <= effects(sensor)
             for candidate in candidates.values():
                 assert candidate["why"]
                 if candidate["status"] in ("added", "rejected"):
                     assert candidate["detection_limit"]
             added = {name for name, c in candidates.items() if c["status"] == "added"}
-            assert added == {effect["name"] for effect in found["effects"]}
+            assert added == {effect["name"] for effect in block["effects"]}
 
 
 def test_poses_and_moves_have_the_errors_that_the_diagnosis_sums_up(folder, kinds):
-    found = read(folder / "diagnosis.json")["sensors"]
+    sensors = read(folder / "diagnosis.json")["sensors"]
     residuals = {
         k: r
-        for each in found.values()
+        for sensor in sensors.values()
         for record in ("poses", "motion")
-        for k, r in each[record]["residuals"].items()
+        for k, r in sensor[record]["residuals"].items()
     }
     tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in ROWS}
     for name, rows in tables.items():
@@ -166,12 +166,12 @@ def test_poses_and_moves_have_the_errors_that_the_diagnosis_sums_up(folder, kind
     for session, kind in kinds.items():
         segments = pd.read_parquet(folder / session / "segments.parquet")
         rests = segments[segments["pose"] >= 0].groupby("pose")
-        own = poses[poses["session"] == session].reset_index()
-        assert list(own["pose"]) == list(range(len(rests) if kind != "static" else 0))
+        rests_of = poses[poses["session"] == session].reset_index()
+        assert list(rests_of["pose"]) == list(range(len(rests) if kind != "static" else 0))
         # a move lies between its pose and the next
         for move in moves[moves["session"] == session].itertuples():
-            assert own["end_s"][move.pose] == pytest.approx(move.start_s, abs=0.1)
-            assert own["start_s"][move.pose + 1] == pytest.approx(move.end_s, abs=0.1)
+            assert rests_of["end_s"][move.pose] == pytest.approx(move.start_s, abs=0.1)
+            assert rests_of["start_s"][move.pose + 1] == pytest.approx(move.end_s, abs=0.1)
 
 
 def test_the_attitude_has_a_series_of_each_model(folder):
@@ -179,6 +179,6 @@ def test_the_attitude_has_a_series_of_each_model(folder):
     series = pd.read_parquet(folder / "attitude.parquet")
     assert {"session", "method", "model", "t_s", "at", "error_deg"} <= set(series)
     assert bool(content.get("why")) == (content["status"] == "not_testable") == (not len(series))
-    for found in content.get("methods", {}).values():
-        assert set(found["models"]) == {"raw", "base", "final"} == set(series["model"])
-        assert found["ratio_ci95"][0] <= found["base_over_final"] <= found["ratio_ci95"][1]
+    for method in content.get("methods", {}).values():
+        assert set(method["models"]) == {"raw", "base", "final"} == set(series["model"])
+        assert method["ratio_ci95"][0] <= method["base_over_final"] <= method["ratio_ci95"][1]
