@@ -60,10 +60,8 @@ def noise(hours, seeds, environment):
             if peer in failed:
                 rows.append((peer, which, f"failed: {failed[peer]}", *"–––"))
             else:
-                deviations = np.concatenate(errors[peer])
-                rows.append(
-                    (peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, deviations.T))
-                )
+                ratio = np.concatenate(errors[peer])
+                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(median_of, ratio.T)))
     size = f"{len(seeds)} × {hours:g} h, {LOG_RATE:g} Hz, six axes"
     return table((size, "log", "processor time, s", "N", "B", "K"), rows)
 
@@ -84,9 +82,7 @@ def main():
     parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="the peers'")
     parser.add_argument("--devices", default="1,2,3,4,5", help="seeds of poses, with commas")
     options = parser.parse_args()
-    devices, logs = (
-        [int(s) for s in option.split(",")] for option in (options.devices, options.seeds)
-    )
+    devices, logs = ([int(s) for s in x.split(",")] for x in (options.devices, options.seeds))
     text = (
         "Versions come from `bench/requirements.txt`. Freed memory stays with each process, "
         "which favours the peers.",

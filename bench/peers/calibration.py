@@ -25,12 +25,10 @@ def by_imuloop(folder, device, environment, _):
     device.write(folder / "log.csv")
     command = [sys.executable, "-m", "imuloop", "calibrate", folder / "log.csv", "-o", folder / "o"]
     seconds = timed_process(command, os.environ | environment)[1]
-    calibration, warm = Calibration.from_json(folder / "o/calibration.json"), "temperature"
+    fit, warm = Calibration.from_json(folder / "o/calibration.json"), "temperature"
 
     def corrected(f, w, t, hot):
-        return calibration.apply_arrays(
-            f, w, t, hot if warm in device.columns else None, nominal=True
-        )
+        return fit.apply_arrays(f, w, t, hot if warm in device.columns else None, nominal=True)
 
     return seconds, corrected
 

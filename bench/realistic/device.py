@@ -97,10 +97,8 @@ class Recording:
 
     def truth(self):
         """Return the true parameters, as JSON."""
-        content = {name: value for name, value in vars(self).items() if name != "columns"}
-        return json.dumps(
-            content, default=lambda x: x.tolist() if hasattr(x, "tolist") else vars(x)
-        )
+        data = {name: value for name, value in vars(self).items() if name != "columns"}
+        return json.dumps(data, default=lambda x: x.tolist() if hasattr(x, "tolist") else vars(x))
 
 
 def minimum_jerk(x):
@@ -241,11 +239,9 @@ def decaying_tilt(since, seconds, pose, moving, s, seed):
     tilt = rng.uniform(0.05, 0.3, count)[:, None] * DEGREE * rng.permutation(sphere(count))
     # it lay there before the log began
     tilt[0] = 0
-    remainder = tilt * np.exp(-seconds[::2] / tau)[:, None]
+    slip = tilt * np.exp(-seconds[::2] / tau)[:, None]
     at_rest = tilt[pose] * np.exp(-since / tau[pose])[:, None]
-    return np.where(
-        moving[:, None], (1 - s) * remainder[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest
-    )
+    return np.where(moving[:, None], (1 - s) * slip[pose] + s * np.roll(tilt, -1, 0)[pose], at_rest)
 
 
 def hand_tremor(t, seed):

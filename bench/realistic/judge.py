@@ -73,10 +73,8 @@ def judge(seed, case, keep=None):
 def outcome(device, result):
     """Return the judgement of a Result, for JSON."""
     calibration, warm = result.calibration, "temperature" in device.columns
-    ours = errors(
-        device,
-        lambda f, w, t, hot: calibration.apply_arrays(f, w, t, hot if warm else None, nominal=True),
-    )
+    apply = calibration.apply_arrays
+    ours = errors(device, lambda f, w, t, hot: apply(f, w, t, hot if warm else None, nominal=True))
     log = np.column_stack([device.columns[name] for name in CHANNELS])
     plain = fit(device.columns["t"], log[:, :3], log[:, 3:], device.rests)
 

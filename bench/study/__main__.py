@@ -28,9 +28,7 @@ def main():
         or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
     ]
     by_case = run(cases, options.first, options.seeds, options.controls, **how)
-    made_of = ", ".join(
-        sorted({device["commit"] for devices in by_case.values() for device in devices})
-    )
+    made_of = ", ".join(sorted({d["commit"] for devices in by_case.values() for d in devices}))
     publish("study", "Simulated study of the diagnosis", document(by_case, options.first), made_of)
 
 

@@ -79,9 +79,7 @@ def cases(outcomes):
         "put in", "sensor", "record", "named", "as a twin", "something else added",
         "largest error left", f"parameters within {SIGMAS:g} σ", "verdicts",
     )  # fmt: skip
-    return table(
-        header, [row(case, judgements({case: device})) for case, device in outcomes.items()]
-    )
+    return table(header, [row(case, judgements({case: one})) for case, one in outcomes.items()])
 
 
 def row(case, devices):

@@ -54,11 +54,9 @@ def estimated(noise, axis, term):
 
 def for_filter(noise, axis, term):
     """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan curve."""
-    density = estimated(noise, axis, term)
+    raw = estimated(noise, axis, term)
     value = dict(zip("NK", bounding(noise), strict=True))[term]
-    if value == density.value:
-        return density
-    return replace(density, value=value, raised_from=density.value)
+    return raw if value == raw.value else replace(raw, value=value, raised_from=raw.value)
 
 
 def of_calibrated(sensor, densities):

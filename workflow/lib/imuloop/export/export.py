@@ -82,8 +82,7 @@ def read_exported(device):
     fit = Calibration.from_json(device.file("calibration.json"))
     # if noise.json has no rates, it is not known which sensors the logs hold
     rates = content.get("rates_hz") or SENSORS
-    qualities = [read_json(files["quality"]) for files in device.sessions.values()]
-    used = [quality for quality in qualities if quality["status"] == "ok"]
+    used = [q for f in device.sessions.values() if (q := read_json(f["quality"]))["status"] == "ok"]
     longest = max(used, key=lambda quality: quality["rows"], default={})
     spans = [span for quality in used if (span := quality["temperature_range"])]
     return Exported(
