@@ -1,9 +1,7 @@
 """Files of arrays: functions of a path, the log and options, which write it."""
 
 import json
-import struct
 
-import h5py
 import netCDF4
 import numpy as np
 import pandas as pd
@@ -14,17 +12,6 @@ from imuloop.core.samples import METADATA_KEY
 from ingest.written import ACCELERATION, RATE, matlab_5, matlab_7, matlab_73
 
 SAVE = {"5": matlab_5, "7.3": matlab_73}
-
-
-def element(kind, content):
-    return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
-
-
-def opaque(what):
-    texts = b"".join(element(1, text.encode()) for text in ("T", "MCOS", what))
-    matrix = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1))
-    matrix = element(14, matrix + element(1, b"") + element(6, bytes(24)))
-    return element(14, element(6, struct.pack("<II", 17, 0)) + texts + matrix)
 
 
 def parts(log, names=("t", "acc", "gyro")):
@@ -42,17 +29,6 @@ def structs(path, log, version):
         "t": np.arange(7.0), "temp": 20.0, "image": np.zeros((200, 300)),
         "empty": np.empty((0, 0)), "remark": "t" * 500,
     })  # fmt: skip
-
-
-def beside_object(path, log, version, names=("t", "acc", "gyro"), what="table"):
-    SAVE[version](path, parts(log, names) if names else {"fs": 100.0})
-    if version == "5":
-        path.write_bytes(path.read_bytes() + opaque(what))
-        return
-    with h5py.File(path, "r+") as file:
-        file["T"] = np.zeros((6, 1), "u4")
-        file["T"].attrs["MATLAB_class"] = np.bytes_(what)
-        file["T"].attrs["MATLAB_object_decode"] = 3
 
 
 def pickled_too(path, log):

@@ -31,6 +31,11 @@ def zeros_in_zip(path, _):
     np.savez_compressed(path, t=np.zeros(10**7))
 
 
+def bomb(path, _):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("log.csv", "0.1,1,2,3,4,5,6\n" * (1 << 16))
+
+
 def announced(path, _):
     """An array of 8 TB, of which nothing is in the file."""
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 40}, 7), }}".ljust(117)

@@ -1,28 +1,13 @@
-"""Dates, missing temperatures and links of HDF5 that would have other files of the machine read."""
+"""Links of HDF5 that would have other files of the machine read."""
 
 import os
 import re
 
 import h5py
-import numpy as np
 import pytest
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.reference import read_series
-from ingest.array_forms import netcdf
-
-
-def test_dates_crop_and_missing_temperatures_stay_missing(log, run, tmp_path):
-    netcdf(tmp_path / "log.nc", log, day=0)
-    done = run(tmp_path / "log.nc", time_range=["2021-09-20T08:53", "2021-09-20 08:56:00"])
-    assert len(done.samples) == 180 and done.samples.t.iloc[-1] == 179
-    assert done.metadata["start"] == "2021-09-20T08:53:00Z"
-    assert done.quality["outside_time_range"] == 320
-    done = run(tmp_path / "log.nc")
-    np.testing.assert_array_equal(done.samples.temperature.isna(), log.index == 9)
-
-
-# --- HDF5 that would have other files of the machine read
 
 WAYS = {
     "external storage": lambda group, name, other: group.create_dataset(

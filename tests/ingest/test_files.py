@@ -24,21 +24,21 @@ KEYS |= {"reason", "error", "held"}
 def each_file():
     """Yield the row of each file, and the options of its writer, the file's name among them."""
     for name, case in CASES.items():
-        each = case.get("each", {})
-        for values in product(*each.values()):
-            options = dict(zip(each, values, strict=True))
+        choices = case.get("each", {})
+        for values in product(*choices.values()):
+            options = dict(zip(choices, values, strict=True))
             yield pytest.param(case, options, id=f"{name} {options or ''}")
 
 
 def written(path, log, how, options):
     """Write the log of a row, and return the paths of its files."""
-    name, given = (how, {}) if isinstance(how, str) else next(iter(how.items()))
+    name, defaults = (how, {}) if isinstance(how, str) else next(iter(how.items()))
     writer = next(getattr(forms, name) for forms in FORMS if hasattr(forms, name))
-    made = writer(path, log, **given | options)
-    if isinstance(made, str | bytes):
-        path.write_bytes(made.encode() if isinstance(made, str) else made)
-        made = None
-    return made if isinstance(made, list) else [made or path]
+    content = writer(path, log, **defaults | options)
+    if isinstance(content, str | bytes):
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        content = None
+    return content if isinstance(content, list) else [content or path]
 
 
 @pytest.mark.filterwarnings("error::pandas.errors.ParserWarning")
@@ -74,3 +74,13 @@ def test_a_file_gives_what_its_row_says(log, single, run, tmp_path, case, option
     np.testing.assert_allclose(done.samples.t, times, rtol=0, atol=within)
     check_figures(done.quality, case.get("figures", {}))
     assert [said for said in case.get("says", []) if said not in text.replace('\\"', '"')] == []
+
+
+def test_dates_crop_and_missing_temperatures_stay_missing(log, run, tmp_path):
+    array_forms.netcdf(tmp_path / "log.nc", log, day=0)
+    done = run(tmp_path / "log.nc", time_range=["2021-09-20T08:53", "2021-09-20 08:56:00"])
+    assert len(done.samples) == 180 and done.samples.t.iloc[-1] == 179
+    assert done.metadata["start"] == "2021-09-20T08:53:00Z"
+    assert done.quality["outside_time_range"] == 320
+    done = run(tmp_path / "log.nc")
+    np.testing.assert_array_equal(done.samples.temperature.isna(), log.index == 9)

@@ -244,9 +244,9 @@ ROUND_TRIPS = yaml.safe_load(Path(__file__).with_name("round_trips.yaml").read_t
 def each_way():
     """Yield each writer with its options, and what is kept of stamps and values."""
     for name, way in ROUND_TRIPS.items():
-        each = way.get("each", {})
-        for values in product(*each.values()):
-            options = dict(zip(each, values, strict=True)) | way.get("with", {})
+        choices = way.get("each", {})
+        for values in product(*choices.values()):
+            options = dict(zip(choices, values, strict=True)) | way.get("with", {})
             kept = way.get("values") or options.get("kind") or options.get("code", "f8")
             write = partial(globals()[way["write"]], **options)
             more = STAMPS[way.get("stamps", "ns")], VALUES[kept]
@@ -277,9 +277,9 @@ def test_every_bit_comes_back(hard, tmp_path, write, stamps_kept, values_kept):
     read = np.column_stack([table[name] for name in SIX])
     assert read.dtype == float
     np.testing.assert_array_equal(read.view("u8"), values_kept(values).astype(float).view("u8"))
-    found, readable, _ = stamp_values(table["stamp"])
-    assert readable.all() and found.dtype == stamps_kept(stamps).dtype
-    np.testing.assert_array_equal(found, stamps_kept(stamps))
+    times, readable, _ = stamp_values(table["stamp"])
+    assert readable.all() and times.dtype == stamps_kept(stamps).dtype
+    np.testing.assert_array_equal(times, stamps_kept(stamps))
 
 
 # --- what tells a format
@@ -339,11 +339,11 @@ def test_a_session_depends_on_the_readers_of_its_files(declared, paths, readers)
 
 def test_no_other_module_imports_a_reader(repository):
     """Protects: an edit of a reader reruns each session whose samples may change."""
-    found = {}
+    imported = {}
     for path in repository.glob("workflow/lib/imuloop/ingest/*.py"):
         imports = re.findall(r"from imuloop\.ingest(?:\.(\w+))? import (.*)", path.read_text())
-        names = {name for each in imports for name in re.findall(r"\w+", " ".join(each))}
-        found[path.stem] = names & READERS
+        names = {name for line in imports for name in re.findall(r"\w+", " ".join(line))}
+        imported[path.stem] = names & READERS
     with_text = dict.fromkeys(("pps", "arrays", "json_lines", "phone"), TEXT)
     expected = with_text | {"formats": {"json_lines"}}
-    assert {name: readers for name, readers in found.items() if readers} == expected
+    assert {name: readers for name, readers in imported.items() if readers} == expected

@@ -79,7 +79,7 @@ FAULTS = {
     "no such member": ({"wheel": "tiny-recordings==1.0", "member": "log.cvs"},
                        r"no member 'log\.cvs'"),
     "another file": ({"wheel": "tiny-recordings==1.0", "member": MEMBER, "sha256": "1" * 64},
-                     r"from the wheel tiny-recordings==1\.0 has SHA-256"),
+                     r"from tiny-recordings==1\.0 has SHA-256"),
 }  # fmt: skip
 
 

@@ -33,14 +33,14 @@ def test_temperatures_of_their_topics_are_read(log, single, run, path):
 
 
 @pytest.mark.parametrize(
-    ("write", "given"),
+    ("write", "options"),
     [
         (combined, {"accelerometer_timestamp_relative": np.full(500, -2_500, "i4")}),
         (sampled, {"later": 2_500}),
     ],
 )
-def test_a_sensor_read_later_keeps_its_time(single, run, path, write, given):
-    write(path, single, **given)
+def test_a_sensor_read_later_keeps_its_time(single, run, path, write, options):
+    write(path, single, **options)
     done = run(path)
     np.testing.assert_array_equal(done.samples.ay, single.ay)
     np.testing.assert_allclose(done.samples.t_accelerometer, done.samples.t - 2.5e-3, atol=1e-12)

@@ -4,7 +4,6 @@ import shutil
 import struct
 
 import numpy as np
-from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 
 from ingest import written
@@ -42,13 +41,6 @@ def renamed(path, log):
     return [shutil.copy(folder / "log.db3", path.with_name("run #3 100% a?b.db3"))]
 
 
-def unwritten(path, log, alone=False):
-    """A recording that crashed: SQLite has not yet put all into its file."""
-    [folder] = bag(path, log)
-    (folder / "log.db3-wal").write_bytes(b"x")
-    return [folder / "log.db3" if alone else folder]
-
-
 def in_parts(path, log):
     """A recording in several files, without metadata."""
     whole = path.with_name("split")
@@ -68,11 +60,11 @@ def bag_without(path, log, file, content=None):
 
 
 def bag_cut_off(path, log, kind, share):
-    [made] = bag(path, log, kind)
-    made = made if kind == "bag" else made / f"log.{kind}"
-    whole = made.read_bytes()
-    made.write_bytes(whole[: int(share * len(whole))])
-    return [made]
+    [whole] = bag(path, log, kind)
+    whole = whole if kind == "bag" else whole / f"log.{kind}"
+    content = whole.read_bytes()
+    whole.write_bytes(content[: int(share * len(content))])
+    return [whole]
 
 
 def bag_with_damage(path, log):
@@ -83,16 +75,6 @@ def bag_with_damage(path, log):
             data = ROS2.serialize_cdr(written.message(ROS2, IMU, stamp, row), IMU)
             writer.write(connection, START + i, b"\x00" if i in (0, 7) else data)
     return [path.with_name("log")]
-
-
-def false_definition(path, _):
-    """Other types are passed over, and no definition of the bag is run."""
-    with Writer1(path) as writer:
-        text = "this is (no definition"
-        other = writer.add_connection("/a", "x/msg/Y", msgdef=text, md5sum="0" * 32)
-        writer.write(other, START, b"\x01")
-        false = writer.add_connection("/b", IMU, msgdef="float64 x\n", md5sum="1" * 32)
-        writer.write(false, START, b"\x01" * 8)
 
 
 # --- PX4

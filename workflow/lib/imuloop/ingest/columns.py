@@ -1,6 +1,7 @@
 """The columns of each quantity in a log: declared by name or number, else with usual names."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from textwrap import shorten
 
 from imuloop.core.errors import ImuloopError, Lacking, did_you_mean
 from imuloop.core.samples import TEMPERATURE
@@ -9,6 +10,7 @@ from imuloop.ingest.places import PAIR
 from imuloop.ingest.spellings import (
     AXES,
     SENSORS,
+    UNITS,
     guess,
     increment_name,
     two_parts,
@@ -22,72 +24,44 @@ STAMP = "stamp"
 HELD = "held"
 # name, in a raw batch, of the parts of a second if they have their own column
 FRACTION = "stamp.fraction"
-_QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
-# number of columns of each quantity that may be declared by several columns
-_WIDTH = {"time": 2} | dict.fromkeys(SENSORS, len(AXES))
-_WANTED = {"time": "a column, nor two of whole seconds and nanoseconds"}
-_WANTED |= dict.fromkeys(SENSORS, "a list of three columns x, y, z")
-# most names in a message, so that it fits a screen
-_SHOWN = 60
+# raw columns of each quantity
+_RAW = {"time": (STAMP, FRACTION), **SENSORS, "temperature": (TEMPERATURE,)}
+# number of characters of a list of columns in a message
+_SHOWN = 600
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Positions of the columns of each quantity, from 0; None if the log lacks it.
+    """The columns of a log that are read.
 
-    If `time` is two columns, they hold whole seconds and parts of a second in units of `part_ns`
-    ns. `others` maps names to the positions of further raw columns: ``interval.SENSOR``, the
-    interval of a sensor's increments, ``pps.counter``, ``pps.time``, and the columns declared as
-    ``others``. `increments` are the sensors that log increments, as the names of their columns
-    show. `units` are the units that the names state, by quantity. `turned` are the axes whose sign
-    is turned.
+    `raw` maps each raw column to its position in the log, from 0. The first `stamps` of them hold
+    stamps or counters. Among these are ``interval.SENSOR``, the interval of a sensor's increments,
+    ``pps.counter``, ``pps.time``, and the columns declared as ``others``. `places` are the
+    positions of the columns of each quantity, a tuple, and `units` the units that the log states.
+    If the time is two columns, they hold whole seconds and parts of a second in units of `part_ns`
+    ns. `turned` are the axes whose sign is turned.
     """
 
-    acceleration: tuple[int, int, int] | None = None
-    angular_rate: tuple[int, int, int] | None = None
-    time: int | tuple[int, int] | None = None
-    temperature: int | None = None
-    others: dict = field(default_factory=dict)
-    increments: frozenset = frozenset()
-    units: dict = field(default_factory=dict)
-    part_ns: int = 1
-    turned: frozenset = frozenset()
-
-    def raw(self):
-        """Return the position of each raw column by its name, a dict in which stamps come first."""
-        names = {"time": (STAMP, FRACTION), **SENSORS, "temperature": (TEMPERATURE,)}
-        raw = {}
-        for quantity in _QUANTITIES:
-            raw |= zip(names[quantity], _tuple(getattr(self, quantity)), strict=False)
-            raw |= self.others if quantity == "time" else {}
-        return raw
-
-    def stamps(self):
-        """Return the number of raw columns that are stamps."""
-        return len(_tuple(self.time)) + len(self.others)
+    raw: dict
+    stamps: int
+    places: dict
+    units: dict
+    part_ns: int
+    turned: set
 
     def found(self, names):
-        """Return the names of the columns of each quantity, a dict.
+        """Return the names of the columns of each quantity, a dict; `names` are all names.
 
-        A value is a list, or the name of a single column. `names` are the names of all columns.
+        A value is a list, or the name of a single column.
         """
-        places = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
-        for name, at in self.others.items():
-            quantity = name.partition(".")[0]
-            places[quantity] = tuple(dict.fromkeys((*places.get(quantity, ()), at)))
-        return {
-            quantity: [names[i] for i in where] if isinstance(where, tuple) else names[where]
-            for quantity, where in places.items()
-            if where is not None
-        }
+        columns = {quantity: [names[at] for at in where] for quantity, where in self.places.items()}
+        for quantity in {"time", "temperature"} & {*columns}:
+            if len(columns[quantity]) == 1:
+                [columns[quantity]] = columns[quantity]
+        return columns
 
 
-def _tuple(where):
-    """Return the positions of a quantity as a tuple, which is empty for None."""
-    return () if where is None else where if isinstance(where, tuple) else (where,)
-
-
-def resolve(names, declared=None, headed=True):
+def resolve(names, declared=None, headed=True, units=()):
     """Return the `Columns` that hold time, acceleration, angular rate and temperature.
 
     Parameters
@@ -101,64 +75,61 @@ def resolve(names, declared=None, headed=True):
         that are only called x, y and z hold the other sensor.
     headed : bool, optional
         Whether the names are from the log. Otherwise columns have to be declared by number.
+    units : sequence of str, optional
+        Unit of each column, empty if the log states none beside the names.
 
     Raises
     ------
     ImuloopError
         If a declared column does not exist, or several columns may be meant.
     """
-    declared, part_ns, units = dict(declared or {}), 1, {}
+    declared, places, users = dict(declared or {}), {}, {}
     logged = [quantity for quantity in SENSORS if declared.get(quantity, "") is not None]
     alone = logged[0] if len(logged) == 1 else None
     usual = guess(names, alone, usual=False)
-    if pair := two_parts(names):
-        usual["time"] = [pair[:2]]
+    pair, part_ns = two_parts(names)
+    if pair:
+        usual["time"] = [pair]
     elif alone and not headed and len(names) in (len(AXES), len(AXES) + 1):
         first = len(names) - len(AXES)
-        usual |= {alone: [tuple(range(first, len(names)))], "time": [0] * first}
-    chosen = {
-        quantity: _declared(quantity, declared[quantity], names, headed)
-        if quantity in declared
-        else _only(quantity, usual[quantity], names)
-        for quantity in _QUANTITIES
-    }
-    taken = [(at, quantity) for quantity, where in chosen.items() for at in _tuple(where)]
-    for k, (at, quantity) in enumerate(taken):
-        if other := dict(taken[:k]).get(at):
-            why = f"column {at}, '{names[at]}', is already in columns.{other}; name another"
-            raise ImuloopError(f"columns.{quantity}: {why}")
-    first = {q: names[chosen[q][0]] for q in SENSORS if chosen[q] and headed}
-    summed = {q: name for q in first if (name := increment_name(q, first[q]))}
-    intervals = _intervals(declared, names, headed, usual["interval"], summed)
-    named = chosen | {"interval": next(iter(intervals.values()), None)}
-    for quantity, at in named.items():
-        if headed and at is not None:
-            units[quantity] = unit_of(quantity, at, names, quantity in summed)
-            if quantity in summed and not units[quantity]:
-                units[quantity] = next(iter(INCREMENTS[quantity]))
-    if isinstance(chosen["time"], tuple):
-        units["time"] = "ns"
-        part_ns = pair[2] if pair and pair[:2] == chosen["time"] else 1
-    others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
+        usual |= {alone: [tuple(range(first, len(names)))], "time": [(0,)] * first}
+    for quantity in _RAW:
+        if quantity in declared:
+            where = _declared(quantity, declared[quantity], names, headed)
+        else:
+            where = _usual(quantity, usual[quantity], names)
+        for at in where:
+            if at in users:
+                why = f"column {at}, '{names[at]}', is already in columns.{users[at]}; name another"
+                raise ImuloopError(f"columns.{quantity}: {why}")
+            users[at] = quantity
+        places[quantity] = where
+    increments = {q: increment_name(q, names[places[q][0]]) for q in SENSORS if places[q]}
+    increments = {quantity: name for quantity, name in increments.items() if name}
+    others = _intervals(declared, names, headed, usual["interval"], increments)
     for name, column in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", column, names, headed)
     # their names are KEY.NUMBER
     for name, column in declared.get("others", {}).items():
         others[name] = position(name.rpartition(".")[0], column, names, headed)
-    turned = [
+    for name, at in others.items():
+        key = name.partition(".")[0]
+        places[key] = tuple(dict.fromkeys((*places.get(key, ()), at)))
+    stated = _stated_units(places, names, units, increments) if headed else {}
+    stamps = dict(zip(_RAW["time"], places["time"], strict=False)) | others
+    stated |= {"time": "ns"} if FRACTION in stamps else {}
+    raw = dict(stamps)
+    for quantity in (*SENSORS, "temperature"):
+        raw |= zip(_RAW[quantity], places[quantity], strict=False)
+    turned = {
         axis
         for quantity, axes in SENSORS.items()
         for axis, column in zip(axes, declared.get(quantity) or (), strict=False)
         if without_sign(column, names) != column
-    ]
-    return Columns(
-        **chosen,
-        others=others,
-        increments=frozenset(summed),
-        units={quantity: unit for quantity, unit in units.items() if unit},
-        part_ns=part_ns,
-        turned=frozenset(turned),
-    )
+    }
+    part_ns = part_ns if places["time"] == pair else 1
+    places = {quantity: where for quantity, where in places.items() if where}
+    return Columns(raw, len(stamps), places, stated, part_ns, turned)
 
 
 def lacking(quantity, columns):
@@ -175,63 +146,84 @@ def lacking(quantity, columns):
     )
 
 
-def _only(quantity, found, names):
-    """Return the only column in `found`, or None if `found` is empty.
+def ambiguous(quantity, candidates, how=""):
+    """Return the error of a log in which `candidates`, a list of names, all may be a quantity.
 
-    `found` are the positions of columns that may hold the quantity, the best first, and `names` are
-    the names of all columns. An ImuloopError is raised if several columns are equally good.
+    `how` is added to the advice to name one of them.
     """
-    if not found:
-        return None
-    candidates = [name for name in names if name.lower() == names[_tuple(found[0])[0]].lower()]
+    return ImuloopError(
+        f"{candidates[0]} and {candidates[1]} both look like {quantity}; name one of them in "
+        f"columns.{quantity}{how}"
+    )
+
+
+def _usual(quantity, places, names):
+    """Return the positions of the columns of a quantity, a tuple, empty for none.
+
+    `places` are the positions of columns with usual names, the best first, and `names` are the
+    names of all columns. An ImuloopError is raised if several columns are equally good.
+    """
     if quantity in SENSORS:
-        candidates = ["/".join(names[i] for i in axes) for axes in found]
+        candidates = ["/".join(names[at] for at in where) for where in places]
+    else:
+        candidates = [n for n in names if places and n.lower() == names[places[0][0]].lower()]
     if len(candidates) > 1:
         number = f", by number from 0 to {len(names) - 1}" * (candidates[0] == candidates[1])
-        raise ImuloopError(
-            f"{candidates[0]} and {candidates[1]} both look like {quantity}; name one of them in "
-            f"columns.{quantity}{number}"
-        )
-    return found[0]
+        raise ambiguous(quantity, candidates, number)
+    return places[0] if places else ()
 
 
-def _intervals(declared, names, headed, usual, summed):
-    """Return the position of the column with the interval of each sensor's increments, by sensor.
+def _stated_units(places, names, units, increments):
+    """Return the units that the log states in names or beside them, by quantity, a dict.
+
+    `places` are the positions of the columns of each quantity, `names` and `units` the names and
+    units of all columns, and `increments` the names of the increments of sensors.
+    """
+    units = [unit.strip("[]{} ") for unit in units] or [""] * len(names)
+    texts = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    stated = {}
+    for quantity in UNITS:
+        where, summed = places.get(quantity, ()), quantity in increments
+        unit = unit_of(quantity, where, texts, summed)
+        if unit or summed:
+            stated[quantity] = unit or next(iter(INCREMENTS[quantity]))
+    return stated
+
+
+def _intervals(declared, names, headed, usual, increments):
+    """Return the position of the column with the interval of each sensor's increments.
 
     `declared` are the declared columns by quantity, and `names` are the names of all columns,
     and `headed` tells whether the log has them. `usual` are the positions of columns with usual
-    names of an interval. `summed` is the name of the increments of each sensor that logs them. The
-    result is empty if no interval is logged.
+    names of an interval. `increments` is the name of the increments of each sensor that logs them.
+    The result is a dict by ``interval.SENSOR``, empty if no interval is logged.
     """
     interval = declared.get("interval")
-    if "interval" not in declared and summed:
-        interval = _only("interval", usual, names)
+    if "interval" not in declared and increments:
+        interval = next(iter(_usual("interval", usual, names)), None)
         # a vehicle_imu of PX4 has two: delta_angle_dt, delta_velocity_dt
         joined = {" ".join(words_of(name)): at for at, name in enumerate(names)}
-        if {f"{name} dt" for name in summed.values()} <= {*joined}:
-            interval = {quantity: joined[f"{name} dt"] for quantity, name in summed.items()}
+        if {f"{name} dt" for name in increments.values()} <= {*joined}:
+            interval = {quantity: joined[f"{name} dt"] for quantity, name in increments.items()}
     if interval is None:
         return {}
     by_sensor = interval if isinstance(interval, dict) else dict.fromkeys(SENSORS, interval)
-    return {q: position("interval", column, names, headed) for q, column in by_sensor.items()}
+    return {f"interval.{q}": position("interval", x, names, headed) for q, x in by_sensor.items()}
 
 
 def _declared(quantity, column, names, headed):
-    """Return the position of a declared `column`, a tuple for several columns, or None for None.
+    """Return the positions of a declared `column`, a tuple, empty for None.
 
     `names` are the names of all columns, and `headed` tells whether the log has them. Raises an
-    ImuloopError if the number of columns does not fit the quantity, or a column does not exist.
+    ImuloopError for a sensor that is not three columns, or if a column does not exist.
     """
     if column is None:
-        return None
+        return ()
     several = isinstance(column, (list, tuple))
-    if len(column) != _WIDTH.get(quantity, 0) if several else quantity in SENSORS:
-        raise ImuloopError(
-            f"columns.{quantity}: {column!r} is not {_WANTED.get(quantity, 'a column')}"
-        )
-    if not several:
-        return position(quantity, column, names, headed)
-    return tuple(position(quantity, each, names, headed) for each in column)
+    if quantity in SENSORS and not several:
+        raise ImuloopError(f"columns.{quantity}: {column!r} is not a list of three columns x, y, z")
+    columns = column if several else [column]
+    return tuple(position(quantity, name, names, headed) for name in columns)
 
 
 def without_sign(column, names=()):
@@ -250,23 +242,21 @@ def position(quantity, value, names, headed):
     `value` is the name of the column or its position. Only a log that is `headed`, which has a
     header, has names. Raises an ImuloopError, which names the key, if there is no such column.
     """
-    key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
     value = without_sign(value, names) if quantity in SENSORS else value
-    number, count = isinstance(value, int) and not isinstance(value, bool), names.count(str(value))
+    number, count = isinstance(value, int), names.count(str(value))
     if number and 0 <= value < len(names):
         return value
     if headed and count == 1 and not number:
-        return names.index(str(value))
+        return names.index(value)
     by_number = f"name it by number, 0 to {len(names) - 1}"
+    fault = f"no column '{value}'; there are {listed(names)}{did_you_mean(str(value), names)}"
     if number:
         fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
     elif not headed:
         fault = f"no header, so {value!r} cannot be found; {by_number}"
     elif count:
         fault = f"{count} columns are named '{value}'; {by_number}"
-    else:
-        hint = did_you_mean(str(value), names, 0.5)
-        fault = f"no column '{value}'; there are {listed(names)}{hint}"
+    key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
     raise ImuloopError(f"{key}: {fault}")
 
 
@@ -274,5 +264,4 @@ def listed(names, headed=True):
     """Return column names as text for a message; only their number if the file has no header."""
     if not headed:
         return f"no header, {len(names)} columns"
-    shown = ", ".join(name[:80] for name in names[:_SHOWN])
-    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
+    return shorten(", ".join(names), _SHOWN, placeholder=" …")

@@ -1,5 +1,6 @@
 """Damaged files, and files made to break their reader, are rejected with one line."""
 
+from importlib import import_module
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
@@ -35,9 +36,9 @@ def read_whole(name, form, paths, columns=None):
     columns : dict, optional
         Declared columns by quantity.
     """
-    path = Path(paths["log"])
+    path, (module, read) = Path(paths["log"]), form.reader.split(".")
     try:
-        return form.read(paths, columns)
+        return getattr(import_module(f"imuloop.ingest.{module}"), read)(paths, columns)
     except ImuloopError:
         raise
     except ImportError as error:

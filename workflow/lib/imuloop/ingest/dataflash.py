@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 
-from imuloop.core.errors import RejectedLog, plural
+from imuloop.core.errors import RejectedLog
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log, sensor_fields
 
 # IMU is at the rate of the main loop, ACC and GYR are as sampled, IMT are increments; in older logs
 # a message has the number of the sensor at its end
@@ -22,7 +22,7 @@ _CODES = {
     **{"Q": "<u8", "g": "<f2", "f": "<f4", "d": "<f8", "M": "i1", "n": "S4", "N": "S16"},
     **{"Z": "S64", "a": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4"},
 }
-_SCALES = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
+_SCALES = dict.fromkeys("cCeE", 100.0) | {"L": 1e7}
 # header of a binary message; a message counts if the next one, or the end of the file, follows
 _HEAD, _END = b"\xa3\x95", rb"(?=\xa3\x95|\xa3?\Z)"
 # the message that defines another: its number and size, name, format and names of its fields
@@ -45,18 +45,15 @@ def read(paths, columns=None):
     messages, damage = _messages(data, wanted)
     streams, bad = [], 0
     for name, fields in messages.items():
-        found = _streams(name, fields)
-        rows = sum(len(stream.stamps) for stream in found)
-        sound = [stream for stream in found if len(stream.stamps) >= _LEAST_SHARE * rows]
+        instances = _streams(name, fields)
+        rows = sum(len(stream.stamps) for stream in instances)
+        sound = [stream for stream in instances if len(stream.stamps) >= _LEAST_SHARE * rows]
         bad += rows - sum(len(stream.stamps) for stream in sound)
         streams += sound
-    if not streams:
-        raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
     note = (
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before"
     )
-    lost = damage or [f"{plural(bad, 'row')} cannot be read"] * bool(bad)
-    log = raw_log(streams, columns, [*damage, note], lost)
+    log = raw_log(streams, columns, [note], damage)
     log.bad_lines += bad
     return log
 
@@ -67,24 +64,24 @@ def _messages(data, wanted):
     `data` is the content of the log, bytes. Only messages are read whose whole name matches the
     pattern `wanted`.
     """
-    lengths, kinds, known = {}, {}, {}
+    lengths, kinds, definitions = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
-        name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
+        name, codes, names = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
         lengths.setdefault(kind, max(ord(size) - len(_HEAD) - 1, 0))
         if wanted.fullmatch(name):
-            definition = ord(size), *texts
-            if known.setdefault(name, definition) != definition:
-                why = "with other fields: the log is of two kinds"
-                raise RejectedLog(f"{name} is defined twice, {why}")
+            definition = ord(size), codes, names
+            if definitions.setdefault(name, definition) != definition:
+                raise RejectedLog(f"{name} is defined twice, with other fields: split the log")
             kinds.setdefault(name, []).append(ord(kind))
-    each = b"|".join(re.escape(kind) + b".{%d}" % length for kind, length in lengths.items())
-    pattern = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, each or b"(?!)", _END))
+    bodies = b"|".join(re.escape(kind) + b".{%d}" % length for kind, length in lengths.items())
+    pattern = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, bodies or b"(?!)", _END))
     spans = np.array([match.span() for match in pattern.finditer(data)], int).reshape(-1, 2)
-    found = np.frombuffer(data, np.uint8)[spans[:, 0] + len(_HEAD)]
-    messages, unknown = {}, len(data) - int(np.diff(spans).sum())
-    for name, definition in known.items():
-        rows = spans[np.isin(found, kinds[name]), 0]
-        messages[name] = _fields(data, rows, *definition)
+    numbers = np.frombuffer(data, np.uint8)[spans[:, 0] + len(_HEAD)]
+    messages = {
+        name: _fields(data, spans[np.isin(numbers, kinds[name]), 0], *definition)
+        for name, definition in definitions.items()
+    }
+    unknown = len(data) - int(np.diff(spans).sum())
     return messages, [f"{unknown} of {len(data)} bytes belong to no message"] * bool(unknown)
 
 
@@ -124,13 +121,13 @@ def _streams(name, fields):
     if "T" in fields:
         fields["temperature"] = fields["T"]
     for quantity, (increment, interval) in _INCREMENTS.items():
-        names = {f"{quantity}.{axis}": f"{increment}{axis.upper()}" for axis in AXES}
-        if {interval, *names.values()} <= {*fields}:
-            fields |= {usual: rates(fields[x], fields[interval]) for usual, x in names.items()}
+        names = [f"{increment}{axis.upper()}" for axis in AXES]
+        fields |= sensor_fields(quantity, fields, names, interval)
     if "I" not in fields:
         return [Stream(name, stamps, fields, AUTOPILOT)]
-    instances = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
-    return [
-        Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, AUTOPILOT)
-        for each, rows in instances.items()
-    ]
+    streams = []
+    for number in np.unique(fields["I"]):
+        rows = fields["I"] == number
+        values = {field: x[rows] for field, x in fields.items()}
+        streams.append(Stream(f"{name}_{number:g}", stamps[rows], values, AUTOPILOT))
+    return streams

@@ -10,20 +10,23 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.csv
+from pyarrow import csv
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
-from imuloop.ingest.columns import STAMP, resolve
+from imuloop.ingest.columns import listed, resolve
 from imuloop.ingest.formats import IN_FOLDER
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import TABLE, names_device
-from imuloop.ingest.stamps import no_stamps, stamp_array
-from imuloop.ingest.tables import doubles, stated_units, table_log
+from imuloop.ingest.spellings import SENSORS, TABLE, names_device
+from imuloop.ingest.stamps import stamp_array
+from imuloop.ingest.tables import doubles, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
+    COMMENT,
     MISSING,
+    decoded,
+    fields_of,
     find_layout,
     parts_of,
     unreadable,
@@ -31,9 +34,8 @@ from imuloop.ingest.text_layout import (
 
 # a line with a quote that is not closed
 _OPEN_QUOTE = re.compile(rb'(?m)^[^"\n]*+(?:"[^"\n]*+"[^"\n]*+)*+"[^"\n]*+$')
-# lines of comments at the end of a file, and the number of bytes in which they are looked for
-_LAST_COMMENTS, _LONGEST_END = re.compile(rb"(\n[ \t]*(#|%|//)[^\n]*+)++\s*\Z"), 1 << 12
-_CONVERTING = {"null_values": [*MISSING], "strings_can_be_null": True, "check_utf8": False}
+# lines of comments amid the rows
+_COMMENTS = re.compile(rb"(?m)^[ \t]*(?:#|%|//).*\n?")
 # number of bytes that are parsed at once
 _BLOCK = 1 << 22
 # bytes of zeros and of erased memory become one that no number has, so that only their row is lost
@@ -55,63 +57,57 @@ def read(paths, columns=None):
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
     refuse_calibrated(layout.names, {})
-    chosen, count = resolve(layout.names, columns, layout.headed), RawLog()
+    chosen, counts = resolve(layout.names, columns, layout.headed, layout.units), RawLog()
     _refuse_devices(layout, chosen)
-    units, nominal, tick = _scaled(layout, chosen)
-    skipped = len(layout.before)
-    notes = [f"{skipped} line(s) before the table skipped"] if skipped and not nominal else []
-    held = text_columns(path, layout, [*chosen.raw().values()], count, chosen.stamps())
-    known = {"units": units, "nominal": nominal, "notes": notes}
-    log = table_log(layout.names, chosen, held, layout.headed, tick, **known)
-    log.lose(count)
-    if isinstance(at := chosen.time, int):
-        stamps = log.batch[STAMP]
-        texts = [row[at] for row in layout.rows if at < len(row) and row[at] not in MISSING]
-        if texts and 0 < stamps.null_count == len(stamps):
-            fault = no_stamps(layout.names[at])
-            raise ImuloopError(f"{fault}; the first stamp is '{texts[0][:80]}'")
+    units, nominal, tick = _scaled(layout, chosen.units)
+    skipped = f"{len(layout.before)} line(s) before the table skipped"
+    notes = [skipped] * bool(layout.before and not nominal)
+    arrays = text_columns(path, layout, [*chosen.raw.values()], counts, chosen.stamps)
+    facts = {"nominal": nominal, "notes": notes}
+    log = table_log(layout.names, chosen, arrays, layout.headed, tick, units, **facts)
+    log.lose(counts)
     return log
 
 
 def _refuse_devices(layout, chosen):
     """Raise a RejectedLog if a column says that the first rows are of several devices in turn.
 
-    `layout` is the Layout of the table, and `chosen` are the Columns of the sensors. A row counts
-    if it has values of the sensors that are not all zero.
+    `layout` is the Layout of the table, and `chosen` are the Columns that are read. A row counts if
+    it has values of the sensors that are not all zero.
     """
     rows = [[*row, *[""] * len(layout.names)] for row in layout.rows]
-    for sensor in filter(None, (chosen.acceleration, chosen.angular_rate)):
-        rows = [row for row in rows if {row[at].strip("+-0.,") for at in sensor} - {*MISSING}]
+    for sensor in {*SENSORS} & {*chosen.places}:
+        axes = chosen.places[sensor]
+        rows = [row for row in rows if {row[at].strip("+-0.,") for at in axes} - {*MISSING}]
     for at, name in enumerate(layout.names):
-        ids = [row[at] for row in rows if row[at]] if layout.headed and names_device(name) else []
+        ids = [row[at] for row in rows if row[at]] if names_device(name) else []
         if 1 < len({*ids}) <= sum(one != other for one, other in pairwise(ids)):
-            which = ", ".join([*dict.fromkeys(ids)][:4])[:200]
             raise RejectedLog(
-                f"the rows are of several devices in turn, as column '{name[:80]}' says ({which}): "
-                "split the log, so that each file holds one device"
+                f"the rows are of several devices in turn, as column '{name}' says "
+                f"({listed([*dict.fromkeys(ids)])}): split the log, so that each file holds one "
+                "device"
             )
 
 
-def _scaled(layout, chosen):
+def _scaled(layout, units):
     """Return units, and scales of counts, dicts by quantity, and the tick of the stamps.
 
-    The tick is in the unit of time. A row below the header may name the units, and lines above the
-    header the scales. A unit that is a multiple of a unit of the library is a count with a scale.
-    `layout` is the Layout of the table, and `chosen` are the Columns that are read.
+    The tick is in the unit of time. Lines above the header may name the scales. A unit that is a
+    multiple of a unit of the library is a count with a scale. `layout` is the Layout of the table,
+    and `units` are the units by quantity that the table states.
     """
-    units = chosen.units | (stated_units(chosen, layout.units) if layout.units else {})
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
-    scales = {quantity: of for quantity, of in multiples.items() if of}
+    scales = {quantity: multiple for quantity, multiple in multiples.items() if multiple}
     said = {row[0]: row[1] for row in layout.before if len(row) == 2}
-    with suppress(ValueError):
-        for name, (quantity, unit, usual) in TABLE["scales"].items():
-            if {*said} & {*TABLE["scales"]}:
+    if not {*said}.isdisjoint(TABLE["scales"]):
+        with suppress(ValueError):
+            for name, (quantity, unit, usual) in TABLE["scales"].items():
                 scales[quantity] = float(said.get(name, usual)), unit
     tick, unit = scales.pop("time", (1, None))
     if unit:
         tick *= TIME[unit]
         whole = next((name for name, scale in TIME.items() if scale == tick), None)
-        units["time"], tick = whole or "s", 1 if whole else tick
+        units, tick = units | {"time": whole or "s"}, 1 if whole else tick
     nominal = {q: {"scale": scale * raw_unit(q, unit).scale} for q, (scale, unit) in scales.items()}
     return units | dict.fromkeys(scales, "count"), nominal, tick
 
@@ -124,28 +120,66 @@ def text_columns(source, layout, positions, log, stamps):
     lines and their bytes are counted in the RawLog `log`. Raises a RejectedLog if the text cannot
     be parsed.
     """
+    every, names = [str(at) for at in range(len(layout.names))], [str(at) for at in positions]
+    # the size of a block is no limit, so that no line is longer than one
+    reading = csv.ReadOptions(column_names=every, block_size=_BLOCK, use_threads=False)
     kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
     kinds += [pa.float64()] * len(positions[stamps:])
     # if there is text among the numbers, read all as text, so that only the rows with it are lost
     for types in (kinds, [pa.string()] * len(positions)):
         weights, lost = [], []
+        parsing = csv.ParseOptions(
+            delimiter="\t" if layout.separator == BLANKS else layout.separator,
+            invalid_row_handler=lambda row, lost=lost: lost.append(row.text.encode()) or "skip",
+        )
+        converting = csv.ConvertOptions(
+            column_types=dict(zip(names, types, strict=True)),
+            include_columns=[*dict.fromkeys(names)],
+            null_values=MISSING,
+            strings_can_be_null=True,
+            check_utf8=False,
+        )
+        blocks = _blocks(source, layout, weights)
+        file = SimpleNamespace(read=lambda size, x=blocks: next(x, b""), closed=False)
         try:
-            columns = _parsed(_blocks(source, layout, weights), layout, positions, types, lost)
+            columns = _joined(csv.open_csv(file, reading, parsing, converting))
             break
         except pa.ArrowInvalid as error:
             fault = error
     else:
         raise unreadable(fault)
-    if layout.headed:
-        _check_headers([layout.names[at] for at in positions], columns)
+    columns = [columns[name] for name in names]
+    if types is not kinds:
+        _refuse_header(layout, positions, columns)
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
     log.text_bytes += sum(weights)
     if stamps and all(column.null_count for column in columns):
         # drop rows with neither stamp nor value, as at the end of the columns of a slower sensor
-        held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
-        columns = [column.filter(held) for column in columns]
+        rows = pa.array(np.any([column.is_valid() for column in columns], axis=0))
+        columns = [column.filter(rows) for column in columns]
     return [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
+
+
+def _joined(batches):
+    """Return the columns of a text, a dict of Arrow arrays; `batches` is the reader of its blocks.
+
+    A column of numbers grows in its place, so that no memory is used twice.
+    """
+    fields, count = {field.name: field.type for field in batches.schema}, 0
+    numbers = {name: np.empty(0) for name, kind in fields.items() if kind == pa.float64()}
+    others = {name: [] for name in fields if name not in numbers}
+    for batch in batches:
+        count += batch.num_rows
+        for name, values in numbers.items():
+            values.resize(count, refcheck=False)
+            values[count - batch.num_rows :] = batch[name].to_numpy(zero_copy_only=False)
+        for name, arrays in others.items():
+            arrays.append(batch[name])
+    columns = {name: pa.array(values, from_pandas=True) for name, values in numbers.items()}
+    for name, arrays in others.items():
+        columns[name] = pa.chunked_array(arrays, fields[name]).combine_chunks()
+    return columns
 
 
 def _stamp_kind(layout, at):
@@ -159,24 +193,21 @@ def _blocks(source, layout, weights):
     """Yield the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
 
     `source` is the path of the table or its text as bytes, and `layout` its Layout. The number of
-    written bytes in each block is added to the list `weights`.
+    written bytes in each block is added to the list `weights`. Comments are left out.
     """
-    text, skipped = bytearray(), layout.start
+    lines, skipped = b"", layout.start
     # an empty part marks the end
     for part in chain(parts_of(source, _BLOCK), [b""]):
-        text += part[skipped:]
-        skipped, end = 0, len(text)
-        if part:
-            # the last lines wait: comments may follow them
-            end = max(end - _LONGEST_END, 0)
-            end = text.rfind(b"\n", max(end - len(part), 0), end) + 1
-        elif comments := _LAST_COMMENTS.search(text, max(0, end - _LONGEST_END)):
-            end = comments.start() + 1
-        block = bytes(text[:end])
-        del text[:end]
+        lines += part[skipped:]
+        skipped, end = 0, lines.rfind(b"\n") + 1 if part else len(lines)
+        block, lines = lines[:end], lines[end:]
         if not block.isascii() or b"\0" in block:
             block = block.translate(_ASCII)
         weights.append(_weight(block))
+        # a search for one byte takes a fraction of the time of one for two
+        if any(mark in block for mark in (b"#", b"%", b"/")):
+            _check_comments(layout, map(decoded, _COMMENTS.findall(block)))
+            block = _COMMENTS.sub(b"", block)
         if b'"' in block:
             block = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), block)
         for pattern, replacement in layout.rewrites:
@@ -185,52 +216,30 @@ def _blocks(source, layout, weights):
             yield block
 
 
-def _parsed(blocks, layout, positions, kinds, lost):
-    """Return the columns at `positions` of a text, a list of Arrow arrays of the types `kinds`.
+def _check_comments(layout, comments):
+    """Raise a RejectedLog if one of the comments, texts, is a header that differs from the first.
 
-    `blocks` are the blocks of the text, bytes, and `layout` is its Layout. Lines with another
-    number of fields are added to the list `lost`.
+    `layout` is the Layout of the table.
     """
-    names, every = [str(i) for i in positions], [str(i) for i in range(len(layout.names))]
-    # its size is no limit of the blocks, so that no line is longer than one
-    reading = pyarrow.csv.ReadOptions(column_names=every, block_size=_BLOCK, use_threads=False)
-    parsing = pyarrow.csv.ParseOptions(
-        delimiter="\t" if layout.separator == BLANKS else layout.separator,
-        invalid_row_handler=lambda row: lost.append(row.text.encode()) or "skip",
-    )
-    converting = pyarrow.csv.ConvertOptions(
-        column_types=dict(zip(names, kinds, strict=True)),
-        include_columns=list(dict.fromkeys(names)),
-        **_CONVERTING,
-    )
-    file = SimpleNamespace(read=lambda size: next(blocks, b""), closed=False)
-    count, numbers, others = 0, {}, {name: [] for name in names}
-    for batch in pyarrow.csv.open_csv(file, reading, parsing, converting):
-        count += batch.num_rows
-        for name in others:
-            if (column := batch[name]).type == pa.float64():
-                # a column of numbers grows in its place, so that no memory is used twice
-                x = numbers.setdefault(name, np.empty(0))
-                x.resize(count, refcheck=False)
-                x[count - len(column) :] = column.to_numpy(zero_copy_only=False)
-            else:
-                others[name].append(column)
-    found = {name: pa.array(x, from_pandas=True) for name, x in numbers.items()}
-    for name, kind in zip(names, kinds, strict=True):
-        found.setdefault(name, pa.chunked_array(others[name], kind).combine_chunks())
-    return [found[name] for name in names]
+    rows = [fields_of(COMMENT.sub("", text, count=1), layout.separator) for text in comments]
+    rows = [row for row in rows if len(row) == len(layout.names)]
+    # a comment may be prose: more than half of the fields of a header are names
+    rows = [row for row in rows if sum(x in layout.names for x in row) > len(row) / 2]
+    _refuse_header(layout, range(len(layout.names)), map(pa.array, zip(*rows, strict=True)))
 
 
-def _check_headers(names, columns):
-    """Raise a RejectedLog if a column holds the name of another: a second header differs."""
-    for name, column in zip(names, columns, strict=True):
-        others = pa.array({*names} - {name}, pa.string())
-        if column.type == pa.string():
-            if pc.any(pc.is_in(pc.utf8_trim_whitespace(column), others)).as_py():
-                raise RejectedLog(
-                    f"a second header in the log has another column in place of {name[:80]}: make "
-                    "a log of each part"
-                )
+def _refuse_header(layout, positions, columns):
+    """Raise a RejectedLog if a column holds the name of another: a second header differs.
+
+    `layout` is the Layout of the table, and `columns` are the texts in the columns at `positions`.
+    """
+    for at, texts in zip(positions, columns, strict=False):
+        others = pa.array({*layout.names} - {layout.names[at]}, pa.string())
+        if layout.headed and pc.any(pc.is_in(pc.utf8_trim_whitespace(texts), others)).as_py():
+            raise RejectedLog(
+                f"a second header in the log has another column in place of {layout.names[at]}: "
+                "make a log of each part"
+            )
 
 
 def _numbers(text):
@@ -243,4 +252,5 @@ def _numbers(text):
 
 def _weight(text):
     """Return the number of bytes of a text without zeros, erased memory and blanks."""
-    return len(text) - sum(text.count(each) for each in (_EMPTY, b" ") if each in text)
+    # to count takes far longer than to search
+    return len(text) - sum(text.count(byte) for byte in (_EMPTY, b" ") if byte in text)

@@ -3,7 +3,6 @@
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
@@ -38,11 +37,6 @@ class LogFormat:
     def module(self):
         """Name of the module of the reader."""
         return self.reader.partition(".")[0]
-
-    def read(self, paths, columns=None):
-        """Return the RawLog of files; `paths` are by role, `columns` declared ones by quantity."""
-        module, name = self.reader.split(".")
-        return getattr(import_module(f"imuloop.ingest.{module}"), name)(paths, columns)
 
 
 # a new format is a reader and a line here; its tests: "Adding a format", docs/formats.md
@@ -83,8 +77,6 @@ _NO_LOGS = {
         "pull"
     ),
     b"FMT, 128": "DataFlash as text is not read: give the binary log, .bin, that it was made from",
-    b"FEA1": "the file is Feather of version 1: save it as version 2, or Parquet",
-    b"# Created by Octave": "Octave's text format is not read; save with -v7",
 }
 
 
@@ -101,17 +93,11 @@ def find_format(name, paths):
     name = name or guess_format(paths)
     if name not in FORMATS:
         raise ImuloopError(f"'{name}' is not a format{nearest(str(name), FORMATS)}")
-    form = FORMATS[name]
-    wanted = PAIR if {*paths} == {*PAIR} or name == "imu_tk" else ("log",)
-    if {*paths} != {*wanted}:
-        raise ImuloopError(
-            f"format {name} is read from {' and '.join(wanted)}, given {' and '.join(paths)}"
-        )
     for path in paths.values():
-        if not form.folder and Path(path).is_dir():
+        if not FORMATS[name].folder and Path(path).is_dir():
             raise ImuloopError(f"{path} is a folder, not a file")
-    read = partial(read_whole, name, form)
-    if wanted is PAIR:
+    read = partial(read_whole, name, FORMATS[name])
+    if {*paths} == {*PAIR}:
         from imuloop.ingest.tables import read_pair
 
         read = partial(read_pair, read)

@@ -3,14 +3,13 @@
 import csv
 import io
 import json
-import os
 from itertools import islice
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
+from imuloop.ingest.damage import LONGEST_LINE
 from imuloop.ingest.tables import HEAD_ROWS
-from imuloop.ingest.text_layout import JSON_DOCUMENT, unpacked
+from imuloop.ingest.text_layout import JSON_DOCUMENT, parts_of
 
 
 def read(paths, columns=None):
@@ -21,8 +20,8 @@ def read(paths, columns=None):
     and so on. A line that is not an object is a bad line. `columns` are the declared columns by
     quantity.
     """
-    size, lines = os.path.getsize(paths["log"]), unpacked(paths["log"]).splitlines()
-    rows = [each for each in map(_members, islice(lines, HEAD_ROWS)) if each]
+    lines = b"".join(parts_of(paths["log"], LONGEST_LINE)).splitlines()
+    rows = list(filter(None, map(_members, islice(lines, HEAD_ROWS))))
     names = list(dict.fromkeys(name for row in rows for name in row))
     if len(rows) < 2:
         raise RejectedLog(JSON_DOCUMENT)
@@ -35,8 +34,6 @@ def read(paths, columns=None):
         elif line.strip():
             # a row of a single field, which the reader of tables counts as a bad line
             writer.writerow(["?" * min(len(line), LONGEST_LINE)])
-        # each line of the table has all columns: a damaged file may announce very many
-        check_unpacked(size, table.tell())
     return delimited.read({"log": table.getvalue().encode()}, columns)
 
 

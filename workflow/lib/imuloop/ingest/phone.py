@@ -22,7 +22,7 @@ from imuloop.ingest.damage import SPREADSHEET, check_unpacked
 from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor
 from imuloop.ingest.streams import choose
-from imuloop.ingest.tables import read_pair
+from imuloop.ingest.tables import read_tables
 from imuloop.ingest.text_layout import find_layout
 
 # ends of the names of text tables in a zip
@@ -41,38 +41,38 @@ def read(paths, columns=None):
     name of a file without the ending .csv, or three of ``FILE.COLUMN``.
     """
     texts, facts, clock = _texts(paths["log"])
-    tables = {}
+    layouts = {}
     for name, text in texts.items():
         # notes of the user and headers without rows are not tables
         with suppress(RejectedLog):
-            tables[name] = find_layout(text)
-    logger = any("seconds_elapsed" in table.names for table in tables.values())
-    columns, usual = dict(columns or {}), {quantity: [*tables] for quantity in SENSORS}
-    if len(tables) != 1:
-        usual = {quantity: _usual(quantity, tables, logger) for quantity in SENSORS}
-    names = {name: table.names for name, table in tables.items()}
-    chosen = choose(columns, names, usual, bare=True)
-    used = [*dict.fromkeys(chosen.values())] or [*tables]
+            layouts[name] = find_layout(text)
+    logger = any("seconds_elapsed" in layout.names for layout in layouts.values())
+    columns, usual = dict(columns or {}), {quantity: [*layouts] for quantity in SENSORS}
+    if len(layouts) != 1:
+        usual = {quantity: _usual(quantity, layouts, logger) for quantity in SENSORS}
+    names = {name: layout.names for name, layout in layouts.items()}
+    tables = choose(columns, names, usual, bare=True)
+    used = [*dict.fromkeys(tables.values())] or [*layouts]
     notes, unit = [f"the table{'s' * (len(used) > 1)} {' and '.join(used)} of the zip"], None
     if logger and not facts:
         notes.append("no Metadata.csv: taken as SI with Android's signs; see units.acceleration")
     if logger and facts.get("platform") == "ios" and facts.get("standardisation") != "true":
-        unit = _WITH_GRAVITY.get(chosen.get("acceleration", "").lower())
+        unit = _WITH_GRAVITY.get(tables.get("acceleration", "").lower())
     if unit:
         notes.append("iOS logs the opposite of specific force: its sign is turned")
         axes = columns.get("acceleration") or AXES
         columns["acceleration"] = [f"-{axis}".replace("--", "") for axis in axes]
 
-    def read_table(paths, columns):
+    def read_table(name, columns):
         """Return the RawLog of one table."""
-        return _with_pauses(delimited.read(paths, columns), clock)
+        return _with_pauses(delimited.read({"log": texts[name]}, columns), clock)
 
     if len(used) > 1:
-        log = read_pair(read_table, {q: texts[name] for q, name in chosen.items()}, columns)
-        for quantity, name in chosen.items():
+        log = read_tables(tables, read_table, columns)
+        for quantity, name in tables.items():
             log.found[quantity] = [f"{name}.{axis}" for axis in log.found[quantity]]
     else:
-        log = read_table({"log": texts[used[0]]}, columns)
+        log = read_table(used[0], columns)
     log.units |= {"acceleration": unit} if unit else {}
     log.notes[:0] = notes
     return log
@@ -98,7 +98,7 @@ def _texts(path):
                 continue
             name = one_line(place.stem if ending == ".csv" else place.name)
             if name in texts:
-                raise RejectedLog(f"the zip holds two files {name[:80]!r}: give one recording")
+                raise RejectedLog(f"the zip holds two files {name!r}: give one recording")
             into = about if name == "Metadata" or place.parent.name == "meta" else texts
             into[name] = archive.read(info)
     facts = about["Metadata"].decode("utf-8-sig", "replace").lower().splitlines()
@@ -112,7 +112,7 @@ def _usual(quantity, tables, logger):
     whether they are from Sensor Logger. If some of these tables are uncalibrated, the others are
     left out.
     """
-    found = []
+    names = []
     for name, table in tables.items():
         header = table.names if table.headed else []
         sensors = {q for q, usual in guess(header).items() if q in SENSORS and usual}
@@ -120,8 +120,8 @@ def _usual(quantity, tables, logger):
             sensors = {named_sensor(" ".join([name, *header]))}
         # Sensor Logger's table of this name lacks gravity
         if quantity in sensors and not (logger and name.lower() == "accelerometer"):
-            found.append(name)
-    return [name for name in found if "uncal" in name.lower()] or found
+            names.append(name)
+    return [name for name in names if "uncal" in name.lower()] or names
 
 
 def _with_pauses(log, clock):

@@ -9,6 +9,8 @@ import re
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+import yaml
+
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
 
 CONFIG, COMMAND_LINE, PYTHON = "config", "command line", "Python"
@@ -64,7 +66,7 @@ def for_reader(text):
     if place == COMMAND_LINE and _ALONE.fullmatch(text):
         return f"--{text}"
     named = {COMMAND_LINE: _option, PYTHON: _argument}[place]
-    text = _KEY.sub(lambda found: named(*found.groups()), text.replace(PAIR, _PAIRS[place]))
+    text = _KEY.sub(lambda key: named(*key.groups()), text.replace(PAIR, _PAIRS[place]))
     return _NO_OPTION.sub(r"\g<0> (only in a config)", text)
 
 
@@ -74,25 +76,18 @@ def _option(path, value, form):
     `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
     value, or the name of a key with any value; a missing group is None.
     """
-    given = value.strip("[]").replace(", ", ",") if value else ""
-    return f"--{path} {given}".rstrip() if path else f"--{form} "
+    value = (value or "").strip("[]").replace(", ", ",")
+    return f"--{path} {value}".rstrip() if path else f"--{form} "
 
 
 def _argument(path, value, form):
-    """Return the Python argument for a key, text.
-
-    `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
-    value, or the name of a key with any value; a missing group is None.
-    """
+    """Return the Python argument for a key, text; the arguments are those of `_option`."""
     key, *inside = (path or form).split(".")
-    if form or (key == "rate" and not value):
+    if form or not (inside or value):
         return f"{form}=" if form else key
-    if value and value.startswith("["):
-        value = str(value[1:-1].split(", "))
-    elif value and not re.fullmatch(_NUMBER, value):
-        value = None if value == "null" else repr(value)
-    elif not value:
-        value = "…"
+    text = value or "…"
+    if value and not re.fullmatch(_NUMBER, value):
+        text = repr(yaml.safe_load(value))
     for name in reversed(inside):
-        value = f"{{'{name}': {value}}}"
-    return f"{key}={value}"
+        text = f"{{'{name}': {text}}}"
+    return f"{key}={text}"

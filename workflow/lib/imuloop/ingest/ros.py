@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import RejectedLog
-from imuloop.ingest.damage import MOST_TIMES
+from imuloop.ingest.damage import LONGEST_LINE, MOST_TIMES
 from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
 
 _ENDINGS, _STARTS = FORMATS["ros"].endings, FORMATS["ros"].starts
-# ends of the names of files of SQLite next to a bag whose recording was cut off
-_UNWRITTEN = ("-wal", "-journal")
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 # fields that are vectors, for each type of message that is read; other types are not read
@@ -39,46 +36,32 @@ def read(paths, columns=None):
     its stamps are the times of receipt. `columns` are the declared columns by quantity, each a
     topic or ``TOPIC.FIELD``.
     """
-    path, topics, notes = Path(paths["log"]), {}, []
-    bags, beside = [path], [Path(f"{path}{end}") for end in _UNWRITTEN]
-    if path.is_dir():
-        beside = [file for file in path.iterdir() if file.name.endswith(_UNWRITTEN)]
-    lost = [
-        f"{file.name} holds data that SQLite had not yet put into the bag: they are not read"
-        for file in beside
-        if file.is_file() and file.stat().st_size
-    ]
+    path, topics, notes, damage = Path(paths["log"]), {}, [], []
+    bags = [path]
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         # bag_2 before bag_10
         bags = sorted(path.iterdir(), key=lambda file: (len(file.name), file.name))
         bags = [file for file in bags if file.suffix in _ENDINGS and file.is_file()]
         notes.append("the folder has no metadata.yaml: all its bags are read in order of name")
-    if not bags:
-        raise RejectedLog(f"the folder holds no bag: no metadata.yaml, no {', '.join(_ENDINGS)}")
     with tempfile.TemporaryDirectory() as folder:
         for number, bag in enumerate(bags):
             if missing := _gather(_link(bag, Path(folder, str(number))), topics):
-                lost.append(f"{bag.name} lacks {missing} messages that its index announces")
+                damage.append(f"{bag.name} lacks {missing} messages that its index announces")
     streams = [_stream(name, kind, *rows) for (name, kind), rows in topics.items()]
-    return raw_log(streams, columns, notes + lost, lost)
+    return raw_log(streams, columns, notes, damage)
 
 
 def _link(path, target):
     """Make a link to the bag at `path`, with which the library can open it; return its path.
 
     The link is at `target`; its ending, by the first bytes of the bag, shows the kind of the bag.
-    The library turns a path into an address, in which some names would have to be quoted. Raises a
-    RejectedLog if the file is not a bag.
+    The library turns a path into an address, in which some names would have to be quoted.
     """
     if path.is_file():
         with open(path, "rb") as file:
-            head = file.read(max(map(len, _STARTS)))
-        kinds = [
-            end for start, end in zip(_STARTS, _ENDINGS, strict=True) if head.startswith(start)
-        ]
-        if not kinds:
-            raise RejectedLog(f"{path.name} is neither a ROS 1 bag nor SQLite or MCAP of ROS 2")
-        target = target.with_suffix(kinds[0])
+            head = file.read(LONGEST_LINE)
+        kinds = dict(zip(_STARTS, _ENDINGS, strict=True))
+        target = target.with_suffix(next((kinds[x] for x in kinds if head.startswith(x)), ""))
     target.symlink_to(path.absolute())
     return target
 
@@ -87,8 +70,7 @@ def _gather(bag, topics):
     """Add the messages of a bag to `topics`; return the number of announced messages it lacks.
 
     `topics` maps the name and the type of a topic to three sequences: its stamps, ns, of header and
-    receipt in turn; its values, row by row; and the times of receipt of unreadable messages. Raises
-    a RejectedLog if the bag defines a message otherwise than ROS.
+    receipt in turn; its values, row by row; and the times of receipt of unreadable messages.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -102,14 +84,10 @@ def _gather(bag, topics):
     with (rosbag1 if ros1 else rosbag2).Reader(bag) as reader:
         wanted = [c for c in reader.connections if c.msgtype in _FIELDS]
         for connection in wanted:
-            kind = connection.msgtype
-            usual = store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
-            if connection.digest not in ("", "*", usual):
-                raise RejectedLog(f"{connection.topic}: its {kind} is not the one that ROS defines")
-            topics.setdefault((connection.topic, kind), (array("q"), array("d"), []))
-        left = sum(connection.msgcount for connection in wanted)
+            topics.setdefault((connection.topic, connection.msgtype), (array("q"), array("d"), []))
+        missing = sum(connection.msgcount for connection in wanted)
         for connection, received, data in reader.messages(wanted) if wanted else ():
-            left -= 1
+            missing -= 1
             kind = connection.msgtype
             stamps, values, damaged = topics[connection.topic, kind]
             try:
@@ -121,7 +99,7 @@ def _gather(bag, topics):
                 values.extend(row)
             except Exception:
                 damaged.append(received)
-    return max(left, 0)
+    return max(missing, 0)
 
 
 def _stream(name, kind, stamps, values, damaged):

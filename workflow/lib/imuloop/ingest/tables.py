@@ -11,7 +11,7 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed
 from imuloop.ingest.join import SENSOR_OF, join
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import AXES, SENSORS, unit_of, words_of
+from imuloop.ingest.spellings import AXES, SENSORS, words_of
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     PLAUSIBLE_RATE,
@@ -29,7 +29,7 @@ HEAD_ROWS, _TURNS = 1000, 0.1
 _TICKS, _TICK_US, _LONG_STEP = "sample_time_fine", 100, 5000
 
 
-def table_log(names, chosen, columns, headed=True, tick=1, **known):
+def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
     """Return the RawLog of a table.
 
     Parameters
@@ -39,39 +39,50 @@ def table_log(names, chosen, columns, headed=True, tick=1, **known):
     chosen : Columns
         The columns that are read.
     columns : list of pyarrow.Array
-        The columns at the positions of ``chosen.raw()``, in their order.
+        The columns at the positions of ``chosen.raw``, in their order.
     headed : bool
         Whether the names are from the table; otherwise they are numbers.
     tick : float
         Factor from the time stamps to the unit of time.
-    **known
-        Attributes of the RawLog that the file states itself.
+    units : dict
+        Units by quantity that come before those of ``chosen``.
+    **facts
+        Further attributes of the RawLog.
+
+    Raises
+    ------
+    ImuloopError
+        If a column has the wrong type.
     """
+    raw = {}
+    for (key, at), column in zip(chosen.raw.items(), columns, strict=True):
+        if isinstance(column, pa.ChunkedArray):
+            column = column.combine_chunks()
+        number = key in CHANNELS or key == TEMPERATURE
+        try:
+            raw[key] = doubles(column) if number else stamp_array(column)
+        except pa.ArrowException as error:
+            what = "numbers" if number else "stamps"
+            raise ImuloopError(f"column '{names[at]}' holds {column.type}, not {what}") from error
+        if key in chosen.turned:
+            raw[key] = pc.negate(raw[key])
+    if FRACTION in raw:
+        raw[STAMP] = joined_stamps(raw[STAMP], raw.pop(FRACTION), chosen.part_ns)
     log = RawLog(
-        batch=_raw_batch(names, chosen, columns),
+        batch=pa.RecordBatch.from_pydict(raw),
         found=chosen.found(names),
-        units={**chosen.units, **known.pop("units", {})},
+        units=chosen.units | dict(units),
         columns=listed(names, headed),
-        unread=len(names) - len(set(chosen.raw().values())),
-        **known,
+        unread=len(names) - len({*chosen.raw.values()}),
+        **facts,
     )
     if unit := _unit_of_stamps(log):
         tick, log.units["time"] = unit
-    at = log.batch.schema.get_field_index(STAMP)
     # dates have no tick
-    if tick != 1 and at >= 0 and not pa.types.is_timestamp(log.batch[STAMP].type):
-        log.batch = log.batch.set_column(at, STAMP, pc.multiply(log.batch[STAMP], tick))
+    if tick != 1 and STAMP in raw and not pa.types.is_timestamp(raw[STAMP].type):
+        at = log.batch.schema.get_field_index(STAMP)
+        log.batch = log.batch.set_column(at, STAMP, pc.multiply(raw[STAMP], tick))
     return _without_turns(log)
-
-
-def stated_units(chosen, texts):
-    """Return the units of the chosen columns by quantity; `texts` are the units of all columns."""
-    # in brackets, as in the name of a column
-    names, units = [f"[{text.strip('[]{} ')}]" for text in texts], {}
-    for quantity in ("time", *SENSORS, "temperature"):
-        if (where := getattr(chosen, quantity)) is not None:
-            units[quantity] = unit_of(quantity, where, names, quantity in chosen.increments)
-    return {quantity: unit for quantity, unit in units.items() if unit}
 
 
 # stamps of a broken log can be of any size
@@ -101,31 +112,6 @@ def _unit_of_stamps(log):
     return None
 
 
-def _raw_batch(names, chosen, columns):
-    """Return the rows of a table as a RecordBatch with the raw columns.
-
-    `names` are the names of all columns, `chosen` are the Columns that are read, and `columns` are
-    their Arrow arrays in the order of ``chosen.raw()``. Raises an ImuloopError if a column has the
-    wrong type.
-    """
-    raw, arrays = chosen.raw(), {}
-    for key, column in zip(raw, columns, strict=True):
-        if isinstance(column, pa.ChunkedArray):
-            column = column.combine_chunks()
-        number = key in CHANNELS or key == TEMPERATURE
-        try:
-            arrays[key] = doubles(column) if number else stamp_array(column)
-        except pa.ArrowException as error:
-            what = "numbers" if number else "stamps"
-            raise ImuloopError(
-                f"column '{names[raw[key]]}' holds {column.type}, not {what}"
-            ) from error
-    arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
-    if FRACTION in arrays:
-        arrays[STAMP] = joined_stamps(arrays[STAMP], arrays.pop(FRACTION), chosen.part_ns)
-    return pa.RecordBatch.from_pydict(arrays)
-
-
 def doubles(column):
     """Return a column as float64; missing values become NaN."""
     # whole numbers of more than 53 bits are rounded
@@ -141,45 +127,75 @@ def _without_turns(log):
     """
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log
-
-    def rows_without(lacks, batch):
-        """Return which of n rows lack all axes of each sensor, (2, n) of bool."""
-        values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
-        return lacks(values).all(axis=1)
-
     head = log.batch.slice(0, HEAD_ROWS)
     many = _TURNS * head.num_rows
-    empty, zero = rows_without(np.isnan, head), rows_without(np.logical_not, head)
-    turns = [np.count_nonzero(np.diff(rows), axis=1) > many for rows in (empty, zero)]
-    # zeros show turns if each sensor is zero in turn and few rows hold both or none: a gyroscope
-    # alone may be zero at rest
-    zeros = turns[1].all() and np.count_nonzero(zero[0] == zero[1]) < many
-    if not (turns[0].any() or zeros):
+    for lacks in (np.isnan, np.logical_not):
+        absent = _absent(head, lacks)
+        turns = np.count_nonzero(np.diff(absent), axis=1) > many
+        # zeros show turns if each sensor is zero in turn and few rows hold both or none: a
+        # gyroscope alone may be zero at rest
+        zeros = turns.all() and np.count_nonzero(absent[0] == absent[1]) < many
+        if turns.any() if lacks is np.isnan else zeros:
+            break
+    else:
         return log
-    lost, logs = rows_without(np.isnan if turns[0].any() else np.logical_not, log.batch), {}
-    notes = [*log.notes, "the rows hold the accelerometer and the gyroscope in turn"]
-    for (quantity, names), absent in zip(SENSORS.items(), lost, strict=True):
+    notes, logs = [*log.notes, "the rows hold the accelerometer and the gyroscope in turn"], {}
+    for (quantity, axes), rows in zip(SENSORS.items(), ~_absent(log.batch, lacks), strict=True):
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
-        batch = log.batch.filter(pa.array(~absent)).select([STAMP, *names, *more])
-        found = {key: log.found[key] for key in ("time", quantity, *more)}
-        logs[SENSOR_OF[quantity]] = replace(log, batch=batch, found=found, notes=notes)
+        batch = log.batch.filter(pa.array(rows)).select([STAMP, *axes, *more])
+        names = {key: log.found[key] for key in ("time", quantity, *more)}
+        logs[SENSOR_OF[quantity]] = replace(log, batch=batch, found=names, notes=notes)
     return join(logs)
 
 
-def read_pair(read, sources, columns=None):
-    """Return the RawLog of a table for each sensor, each on its own clock.
+def _absent(batch, lacks):
+    """Return which of n rows lack all axes of each sensor, (2, n) of bool.
 
-    `sources` has the path of each table by quantity, and `columns` are the declared columns. Each
-    table is read by ``read(paths, columns)``. Raises an ImuloopError if a table lacks its sensor.
+    ``lacks(values)`` tells which values are absent.
+    """
+    values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
+    return lacks(values).all(axis=1)
+
+
+def read_tables(tables, read, columns):
+    """Return the RawLog of several tables, each on its own clock.
+
+    Parameters
+    ----------
+    tables : dict
+        Name of the table of each quantity.
+    read : callable
+        ``read(name, columns)`` returns the RawLog of a table.
+    columns : dict
+        Declared columns by quantity; those of time may be a dict by quantity.
+
+    Raises
+    ------
+    ImuloopError
+        If a table lacks its sensor.
     """
     logs = {}
-    for quantity, other in zip(SENSORS, [*SENSORS][::-1], strict=True):
-        own = {key: x for key, x in (columns or {}).items() if key in ("time", quantity)}
-        if isinstance(time := own.get("time"), dict):
-            del own["time"]
-            own |= {"time": time[quantity]} if quantity in time else {}
-        log = read({"log": sources[quantity]}, own | {other: None})
-        if quantity not in log.found:
-            raise lacking(quantity, log.columns)
-        logs[SENSOR_OF[quantity]] = log
-    return join(logs)
+    for name in dict.fromkeys(tables.values()):
+        quantities = [quantity for quantity, table in tables.items() if table == name]
+        declared = {q: x for q, x in columns.items() if q in ("time", *quantities) or x is None}
+        if isinstance(times := declared.get("time"), dict):
+            del declared["time"]
+            for quantity in times.keys() & {*quantities}:
+                declared["time"] = times[quantity]
+        # a quantity that is read from another table is not logged in this one
+        declared |= dict.fromkeys({*tables}.difference(quantities))
+        logs[name] = read(name, declared)
+        for quantity in quantities:
+            if quantity in SENSORS and quantity not in logs[name].found:
+                raise lacking(quantity, logs[name].columns)
+    return join(logs) if len(logs) > 1 else logs[name]
+
+
+def read_pair(read, paths, columns=None):
+    """Return the RawLog of a table for each sensor.
+
+    `paths` has the path of each table by quantity, and `columns` are the declared columns. Each
+    table is read by ``read(paths, columns)``.
+    """
+    files = {SENSOR_OF[quantity]: path for quantity, path in paths.items()}
+    return read_tables(SENSOR_OF, lambda name, x: read({"log": files[name]}, x), columns or {})

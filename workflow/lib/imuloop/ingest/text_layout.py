@@ -4,7 +4,7 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
+from operator import itemgetter
 
 import pyarrow as pa
 
@@ -12,14 +12,12 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import LONGEST_LINE, check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
-# least number of rows by which a separator is chosen, if the table has them
-_JUDGED = 64
 BLANKS = " "
 _SEPARATORS = (",", "\t", ";", "|", BLANKS)
 COMMENT = re.compile(r"\s*(#|%|//)+\s*")
 # number of columns of a sensor
 LEAST = len(AXES)
-MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
+MISSING = ["", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a"]
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 # a serial monitor puts its time of the day before each line
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
@@ -27,8 +25,10 @@ _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
 _PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"\x28\xb5\x2f\xfd": "zstd", b"\4\x22M\x18": "lz4"}
 _BINARY = "the file is binary, or UTF-16: save it as UTF-8, or give format: NAME"
-_NO_ROWS = "the file has no rows, or lines alone that begin as comments do, with #, % or //"
-_NO_TABLE = "the file is not a table of numbers in rows and columns: save it as CSV"
+_NO_TABLE = (
+    "the file is not a table of numbers in rows and columns (lines that begin with #, % or // are "
+    "comments): save it as CSV"
+)
 # how a document of JSON begins
 _JSON = re.compile(rb"\s*(\{\s*\"|\[\s*[{\[])")
 JSON_DOCUMENT = (
@@ -65,38 +65,35 @@ def find_layout(source, least=LEAST):
     `source` is the path of the table or its text as bytes. Raises a RejectedLog if it is not such a
     table.
     """
-    head = bytes(unpacked(source, LONGEST_LINE))
-    # in UTF-16 and UTF-32 one of two, or three of four, bytes of most texts are zero
-    if head[:256].count(0) > 0.4 * len(head[:256]):
+    head = next(parts_of(source, LONGEST_LINE), b"")
+    # the last line may be cut off
+    lines = head.split(b"\n")[: -1 if len(head) == LONGEST_LINE else None]
+    if lines and b"\0" in lines[0]:
         raise RejectedLog(_BINARY)
-    lines = head.split(b"\n")
-    if len(head) == LONGEST_LINE:
-        lines.pop()
     arrow = sum(map(bool, map(_ARROW.match, lines))) > len(lines) / 2
     bare = [_ARROW.sub(rb"\2", line) for line in lines] if arrow else lines
-    found = Counter(tuple(x.strip(b" \t:=").decode() for x in _LABEL.findall(b)) for b in bare)
-    [(labels, count)] = found.most_common(1) or [((), 0)]
+    labels = Counter(tuple(x.strip(b" \t:=").decode() for x in _LABEL.findall(x)) for x in bare)
+    labels, count = max(labels.items(), key=itemgetter(1), default=((), 0))
     rewrites = [(_LABEL, b"")] * (count > len(lines) / 2 and len({*labels}) >= least)
     texts = [decoded(_LABEL.sub(b"", x) if rewrites else x).strip("\ufeff\r") for x in bare]
-    at = [i for i, text in enumerate(texts) if text.strip() and not COMMENT.match(text)]
-    if not at and lines:
-        raise RejectedLog(_NO_ROWS)
-    separator, width = _separator([texts[i] for i in at], least, _JSON.match(head))
-    rows = [fields_of(texts[i], separator) for i in at]
+    filled = [i for i, text in enumerate(texts) if text.strip() and not COMMENT.match(text)]
+    separator, width, rows = _rows([texts[i] for i in filled], least)
+    if not rows:
+        raise RejectedLog(JSON_DOCUMENT if _JSON.match(head) else _NO_TABLE)
     # rows of the table's width before the first of them that holds a number are its header
     wide = [k for k, row in enumerate(rows) if len(row) == width]
     first = next((k for k in wide if any(map(is_number, rows[k]))), wide[0])
     top = [k for k in wide if k < first]
-    header, begin = [rows[k] for k in top], top[-1] + 1 if top else first
-    start = at[begin]
+    begin = top[-1] + 1 if top else first
+    start = filled[begin]
     comments = [text for text in texts[:start] if COMMENT.match(text)]
     comment = fields_of(COMMENT.sub("", comments[-1], count=1), separator) if comments else []
     # a comment with blanks between its words may be prose
     if (separator == BLANKS and not any(guess(comment).values())) or any(map(is_number, comment)):
         comment = []
-    options = (labels if rewrites else (), *header[:1], comment)
-    names = next((each for each in options if len(each) == width), None)
-    units = next(filter(_are_units, header[1:]), [])
+    options = (labels if rewrites else (), *(rows[k] for k in top[:1]), comment)
+    names = next((names for names in options if len(names) == width), None)
+    units = [rows[k] for k in top[1:] if any(stated_unit(q, x) for q in SENSORS for x in rows[k])]
     if arrow:
         # the time becomes the last column
         rewrites.append((_ARROW, rb"\2" + separator.encode() + rb"\1"))
@@ -112,25 +109,10 @@ def find_layout(source, least=LEAST):
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:start]),
         before=rows[: (top or [first])[0]],
-        units=[*units, *[""] * arrow] if units else [],
+        units=[*units[0], *[""] * arrow] if units else [],
         rewrites=rewrites,
         rows=rows[begin:],
     )
-
-
-def _are_units(fields):
-    """Tell whether one of the fields is a unit of a sensor."""
-    return any(stated_unit(quantity, text) for quantity in SENSORS for text in fields)
-
-
-def unpacked(source, most=None):
-    """Return the text of a file, unpacked, or of bytes; at most its first `most` bytes."""
-    text = bytearray()
-    for part in parts_of(source, LONGEST_LINE):
-        text += part
-        if most and len(text) >= most:
-            break
-    return text[:most]
 
 
 def parts_of(source, size):
@@ -138,16 +120,15 @@ def parts_of(source, size):
 
     Raises a RejectedLog if the file cannot be read to its end.
     """
-    packed, total = len(source) if isinstance(source, bytes) else Path(source).stat().st_size, 0
+    source = pa.py_buffer(source) if isinstance(source, bytes) else source
     try:
-        stream = pa.BufferReader(source) if isinstance(source, bytes) else pa.OSFile(str(source))
-        head = stream.read(max(map(len, _PACKINGS)))
-        stream.seek(0)
+        with pa.input_stream(source, compression=None) as file:
+            head, packed, unpacked = file.read(max(map(len, _PACKINGS))), file.size(), 0
         packing = next((name for start, name in _PACKINGS.items() if head.startswith(start)), None)
-        with pa.CompressedInputStream(stream, packing) if packing else stream as file:
+        with pa.input_stream(source, compression=packing) as file:
             while part := file.read(size):
-                total += len(part)
-                check_unpacked(packed, total)
+                unpacked += len(part)
+                check_unpacked(packed, unpacked)
                 yield part
     except OSError as error:
         raise unreadable(error) from error
@@ -158,28 +139,26 @@ def unreadable(error):
     return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
 
 
-def _separator(rows, least, json):
-    """Return the separator with which most fields are numbers, and the number of fields in a row.
+def _rows(lines, least):
+    """Return the separator with which most fields are numbers, the usual width, and the rows.
 
-    `rows` are lines of text, and a row has at least `least` fields. Raises a RejectedLog if the
-    text is not a table; `json` tells whether it is a document of JSON.
+    `lines` are texts, and a row has at least `least` fields. The width is the number of fields of
+    most rows, and the rows are the fields of all lines. There are no rows if the lines are not a
+    table.
     """
-    # an odd step, so that rows of two kinds in turn both count
-    rows, best = rows[:: len(rows) // _JUDGED | 1], (0.0, 0.0, "", 0)
-    for separator in _SEPARATORS if rows else ():
-        table = [fields_of(row, separator) for row in rows]
-        width, alike = Counter(map(len, table)).most_common(1)[0]
+    best = 0.0, "", 0, []
+    for separator in _SEPARATORS if lines else ():
+        rows = [fields_of(line, separator) for line in lines]
+        width, alike = Counter(map(len, rows)).most_common(1)[0]
         # rows of several kinds, which differ in their number of fields, are a table too
-        long = [row for row in table if len(row) >= least]
-        given = [text for row in long for text in row if text]
-        numeric = sum(map(is_number, given)) / max(1, len(given)) * len(long) / len(rows)
+        long = [row for row in rows if len(row) >= least]
+        fields = [text for row in long for text in row if text]
+        numeric = sum(map(is_number, fields)) / max(1, len(fields)) * len(long) / len(rows)
         # blanks count less: names and dates may contain them, and fields between tabs may be empty
-        share = numeric * (1 + alike / len(rows)) * (0.9 if separator == BLANKS else 1.0)
-        if width >= least and share > best[0]:
-            best = share, numeric, separator, width
-    if best[1] < 0.5:
-        raise RejectedLog(JSON_DOCUMENT if json else _NO_TABLE)
-    return best[2:]
+        score = numeric * (1 + alike / len(rows)) * (0.9 if separator == BLANKS else 1.0)
+        if width >= least and numeric >= 0.5 and score > best[0]:
+            best = score, separator, width, rows
+    return best[1:]
 
 
 def decoded(line):

@@ -4,9 +4,8 @@ import io
 
 import numpy as np
 
-from imuloop.core.errors import RejectedLog
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, rates, raw_log
+from imuloop.ingest.streams import AUTOPILOT, Stream, names_in, raw_log, sensor_fields
 
 # fields of each sensor in the topics of PX4, with {0} for the number and {1} for the name of the
 # axis; topics in `_CORRECTED` are corrected by PX4's own calibration
@@ -52,9 +51,7 @@ def read(paths, columns=None):
     if log.file_corruption:
         damage.append("parts of the file are damaged; the rows in them are lost")
     streams = [stream for topic in log.data_list for stream in _streams(topic)]
-    if not streams:
-        raise RejectedLog(f"the log holds no rows of {', '.join(_TOPICS)}")
-    notes = list(damage)
+    notes = []
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
@@ -76,11 +73,12 @@ def _sensor_id(quantity, data, parameters):
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
-    known = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
-    known = known or {*slots} - {0, None}
-    if len(known) != 1 or not 0 < (one := known.pop()) < 1 << 31:
+    ids = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
+    ids = ids or {*slots} - {0, None}
+    if len(ids) != 1:
         return {}
-    return {sensor: {"id": one, "slot": slots.get(one, 0)}}
+    [device_id] = ids
+    return {sensor: {"id": device_id, "slot": slots.get(device_id, 0)}}
 
 
 class _Tape(io.BytesIO):
@@ -125,24 +123,20 @@ def _streams(topic):
     if topic.name.endswith("_fifo"):
         stamps, fields = _unpacked(stamps, fields)
     for quantity, form in _TOPICS.get(topic.name, {}).items():
-        names = {f"{quantity}.{axis}": form.format(i, axis) for i, axis in enumerate(AXES)}
-        if {*names.values()} <= {*fields}:
-            usual = {axis: fields[x] for axis, x in names.items()}
-            if (interval := fields.get(_INTERVALS[quantity])) is not None:
-                usual = {axis: rates(x, interval, 1e6) for axis, x in usual.items()}
-            fields |= usual
+        names = [form.format(i, axis) for i, axis in enumerate(AXES)]
+        fields |= sensor_fields(quantity, fields, names, _INTERVALS[quantity], 1e6)
     relative = fields.get("accelerometer_timestamp_relative")
-    if relative is None or "acceleration.x" not in fields:
-        return [Stream(name, stamps, fields, AUTOPILOT, notes)]
-    missing = relative == _NO_ACCELERATION
-    force = {f"acceleration.{a}": fields.pop(f"acceleration.{a}") for a in AXES}
-    force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
-    later = np.where(missing, 0, relative.astype(np.int64))
-    if not later.any():
-        return [Stream(name, stamps, fields | force, AUTOPILOT, notes)]
-    # the two sensors were sampled at different times
-    force = Stream(f"{name}.accelerometer", stamps + later, force, AUTOPILOT, notes)
-    return [Stream(name, stamps, fields, AUTOPILOT), force]
+    if relative is not None and "acceleration.x" in fields:
+        missing = relative == _NO_ACCELERATION
+        force = {key: fields.pop(key) for key in (f"acceleration.{axis}" for axis in AXES)}
+        force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
+        later = np.where(missing, 0, relative.astype(np.int64))
+        if later.any():
+            # the two sensors were sampled at different times
+            force = Stream(f"{name}.accelerometer", stamps + later, force, AUTOPILOT, notes)
+            return [Stream(name, stamps, fields, AUTOPILOT), force]
+        fields |= force
+    return [Stream(name, stamps, fields, AUTOPILOT, notes)]
 
 
 def _unpacked(stamps, fields):
