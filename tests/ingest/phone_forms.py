@@ -45,7 +45,7 @@ def tables_in_zip(path, log, count):
     if count == 2:
         tables = dict(zip(("rec/Accel.txt", "rec/gyro.txt"), apart(log), strict=True))
     form = {"header": count == 1, "sep": " ,"[count == 1], "index": False}
-    members = {k: "# made by a logger\n" + each.to_csv(**form) for k, each in tables.items()}
+    members = {k: "# made by a logger\n" + table.to_csv(**form) for k, table in tables.items()}
     zipped(path, members | {"rec/notes.md": "at noon"})
 
 

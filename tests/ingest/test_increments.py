@@ -12,7 +12,7 @@ from ingest.logs import FORCE, RATE
 SIX = [*CHANNELS]
 DELTA = [f"dv{axis}" for axis in "xyz"] + [f"dtheta_{axis}" for axis in "xyz"]
 # as ulog2csv writes a vehicle_imu
-OF_PX4 = [f"delta_{each}[{i}]" for each in ("velocity", "angle") for i in range(3)]
+OF_PX4 = [f"delta_{name}[{i}]" for name in ("velocity", "angle") for i in range(3)]
 # a sensor whose intervals vary by a tenth, whole us; another one's; and stamps that end them
 TICKS = np.random.default_rng(3).integers(9_500, 10_500, 500)
 EACH = np.repeat([TICKS, TICKS + 37], 3, axis=0).T

@@ -13,7 +13,7 @@ from imuloop.ingest.spellings import SENSORS, TABLE, stated_unit
 SIX = "ax,ay,az,gx,gy,gz"
 
 
-def each(*names):
+def expand(*names):
     """The names of a table, in which *, & and # stand for axes: x y z, X Y Z and 0 1 2."""
     every = ",".join(names).split(",")
     for sign, axes in (("*", "xyz"), ("&", "XYZ"), ("#", "012")):
@@ -27,7 +27,7 @@ LOGGERS = yaml.safe_load(Path(__file__).with_name("loggers.yaml").read_text(enco
 @pytest.mark.parametrize("line", LOGGERS)
 def test_the_columns_and_units_of_a_logger_are_known(line):
     header, places, units = (part.strip() for part in line.split("|"))
-    columns = resolve(each(header))
+    columns = resolve(expand(header))
     places = [None if place == "-" else int(place) for place in places.split()]
     assert [columns.raw.get(name) for name in ("stamp", "ax", "gx", "temperature")] == places
     quantities = dict(t="time", a="acceleration", w="angular_rate", T="temperature")
@@ -41,8 +41,8 @@ def test_each_line_of_the_table_is_read():
         for kind, name in ((k, n) for k, names in kinds.items() for n in names if k != "words"):
             columns = [f"{name} {axis}" for axis in "xyz"] if quantity in SENSORS else [name]
             others = {q: None for q in SENSORS if q != quantity}
-            found = resolve(columns, others).found(columns)
-            assert found == {quantity: columns if quantity in SENSORS else name} or (
+            resolved = resolve(columns, others).names_by_quantity(columns)
+            assert resolved == {quantity: columns if quantity in SENSORS else name} or (
                 quantity == "interval" and kind == "names"
             )
     for quantity, units in TABLE["units"].items():
@@ -53,11 +53,11 @@ def test_each_line_of_the_table_is_read():
 
 @pytest.mark.parametrize("six", ["a*,raw_a*", "acc_*_g,acc_*_mps2", "imu.acc.*,raw.acc.*"])
 def test_two_accelerometers_must_be_distinguished(six):
-    first, last = each(six)[:3], each(six)[3:]
+    first, last = expand(six)[:3], expand(six)[3:]
     line = re.escape(f"{'/'.join(first)} and {'/'.join(last)} both look like acceleration; name ")
     with pytest.raises(ImuloopError, match=line):
-        resolve(each("t", six, "g*"))
-    columns = resolve(each("t", six, "g*"), {"acceleration": last})
+        resolve(expand("t", six, "g*"))
+    columns = resolve(expand("t", six, "g*"), {"acceleration": last})
     assert columns.places["acceleration"] == (4, 5, 6)
 
 
@@ -75,4 +75,4 @@ UNCLEAR = [
 @pytest.mark.parametrize(("names", "columns", "line"), UNCLEAR)
 def test_columns_that_cannot_be_chosen_are_one_line(names, columns, line):
     with pytest.raises(ImuloopError, match=line):
-        resolve(each(names), columns)
+        resolve(expand(names), columns)

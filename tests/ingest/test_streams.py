@@ -51,7 +51,7 @@ def test_streams_that_share_no_time_are_one_line(fields, stamps, line):
 def test_a_stream_that_measures_is_chosen(stamps):
     empty = Stream("imu0", stamps, dict.fromkeys((*ACC, *GYRO), np.zeros(len(stamps))))
     streams = [empty, stream("acc", ACC), stream(), stream("gyro", GYRO)]
-    assert raw_log(streams).found["acceleration"] == [f"imu.{a}" for a in ACC]
+    assert raw_log(streams).names["acceleration"] == [f"imu.{a}" for a in ACC]
 
 
 # --- onto one clock
@@ -111,7 +111,7 @@ def test_a_temperature_of_a_slow_clock_is_interpolated_and_of_several_none_is_ta
     inside = (table["stamp"] >= 0.25) & (table["stamp"] <= 2.25)
     np.testing.assert_array_equal(np.isfinite(table["temperature"]), inside)
     np.testing.assert_allclose(table["temperature"][inside], 20 + 4 * table["stamp"][inside])
-    assert log.found["temperature"] == "baro.temperature" and log.units == {"temperature": "K"}
+    assert log.names["temperature"] == "baro.temperature" and log.units == {"temperature": "K"}
     assert log.notes == ["temperature of baro interpolated linearly onto the stamps of imu"]
     assert not raw_log([stream(), thermometer], {"temperature": None}).temperature
     log = raw_log([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])])

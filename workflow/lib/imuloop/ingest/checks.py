@@ -235,7 +235,7 @@ CHECKS = [
     Check("declared rate", WARNING, lambda e: e.declared.rate and e.figures["rate_hz"] and
           abs(e.figures["rate_hz"] / e.declared.rate - 1) > 0.02 and f"{e.declared.rate:g}",
           "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
-    Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
+    Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.names,
           "each lost line shortens a log without stamps by one step"),
     Check("identical rows", WARNING, lambda e: e.counts.identical,
           "{} rows identical to the one before, stamp and values: dropped, nothing is lost"),

@@ -49,7 +49,7 @@ class Columns:
     part_ns: int
     turned: set
 
-    def found(self, names):
+    def names_by_quantity(self, names):
         """Return the names of the columns of each quantity, a dict; `names` are all names.
 
         A value is a list, or the name of a single column.

@@ -84,7 +84,7 @@ def si_samples(rows, raw_units):
     counts.is_gravity = misread.is_gravity(rows.values)
     if rows.stamped:
         counts.in_two_units = misread.in_two_units(rows.stamps[STAMP][0], rows.values)
-    units = {name: raw_units[q] for q in SENSORS if q in log.found for name in SENSORS[q]}
+    units = {name: raw_units[q] for q in SENSORS if q in log.names for name in SENSORS[q]}
     if log.temperature:
         units[TEMPERATURE] = RawUnit("degC", *DEGREES[rows.units["temperature"]])
     inside, bad, values = rows.inside, ~rows.usable, {}

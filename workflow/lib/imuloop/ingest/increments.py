@@ -23,7 +23,7 @@ def factors(units):
 
 def are_by_stamps(rows):
     """Return whether increments of `Rows` are divided by the steps of their time stamps."""
-    return bool(factors(rows.units)) and rows.stamped and "interval" not in rows.log.found
+    return bool(factors(rows.units)) and rows.stamped and "interval" not in rows.log.names
 
 
 # stamps and values of a broken log can be of any size
@@ -72,7 +72,7 @@ def figures(rows, counts, usual):
     `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
     """
     sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
-    if "interval" in rows.log.found:
+    if "interval" in rows.log.names:
         interval = "logged"
     elif not rows.stamped:
         interval = rows.time_unit

@@ -117,7 +117,7 @@ def choose_units(log, declared):
 
     `declared` are the units of the config by quantity. Raises an ImuloopError for an unknown unit.
     """
-    stamps = log.found.get("time")
+    stamps = log.names.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
         # two columns are joined to ns, with any declaration
         declared = declared | {"time": "ns"}
@@ -138,7 +138,7 @@ def choose_units(log, declared):
         for quantity, unit in used.items()
         if (stated := log.units.get(quantity, unit)) != unit
     ]
-    return {q: u for q, u in used.items() if q in _WITH_UNIT or q in log.found}, doubts
+    return {q: u for q, u in used.items() if q in _WITH_UNIT or q in log.names}, doubts
 
 
 def convert(evidence):
@@ -207,12 +207,12 @@ def check(evidence):
         "misdeclared": bool(wrong and not reasons),
         "warnings": [] if findings[checks.UNREADABLE] else [*map(for_reader, lines)],
         **figures,
-        "clock": clocks.figures(counts, figures, declared.rate if "time" in log.found else None),
+        "clock": clocks.figures(counts, figures, declared.rate if "time" in log.names else None),
         **{name: getattr(counts, name) for name in _COUNTED},
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
-        "columns": log.found,
+        "columns": log.names,
     }
     return no_samples(log) if reasons or wrong else samples, content, origin
 

@@ -34,8 +34,8 @@ def join(logs):
     ImuloopError
         If only one log has time stamps, or none has and the numbers of rows differ.
     """
-    whose = {q: name for name, log in logs.items() for q in SENSORS if q in log.found}
-    times = {q: logs[name].found.get("time") for q, name in whose.items()}
+    whose = {q: name for name, log in logs.items() for q in SENSORS if q in log.names}
+    times = {q: logs[name].names.get("time") for q, name in whose.items()}
     counts = {name: logs[name].batch.num_rows for name in whose.values()}
     merged = RawLog(columns="; ".join(dict.fromkeys(logs[name].columns for name in counts)))
     if empty := [name for name, count in counts.items() if not count]:
@@ -75,11 +75,11 @@ def join(logs):
                 note += f"its nearest sample{lost}"
             merged.notes.append(note)
         arrays |= dict(zip(columns, block, strict=True))
-        merged.found[quantity] = logs[name].found[quantity]
+        merged.names[quantity] = logs[name].names[quantity]
         merged.units |= {q: u for q, u in logs[name].units.items() if q == quantity}
     if stamped:
         first, *others = times.values()
-        merged.found["time"] = times if any(time != first for time in others) else first
+        merged.names["time"] = times if any(time != first for time in others) else first
         merged.units |= {"time": units[clock]} if units[clock] else {}
     merged.batch = pa.RecordBatch.from_pydict(arrays)
     return merged
@@ -93,7 +93,7 @@ def _rows(log):
     """
     count = log.batch.num_rows
     stamps, readable, dates = np.arange(count), np.ones(count, dtype=bool), False
-    if "time" in log.found:
+    if "time" in log.names:
         stamps, readable, dates = stamp_values(log.batch[STAMP])
     names = [name for name in log.batch.schema.names if name in (*CHANNELS, TEMPERATURE)]
     values = {name: log.batch[name].to_numpy(zero_copy_only=False)[readable] for name in names}

@@ -70,7 +70,7 @@ def read(paths, columns=None):
     if len(used) > 1:
         log = read_tables(tables, read_table, columns)
         for quantity, name in tables.items():
-            log.found[quantity] = [f"{name}.{axis}" for axis in log.found[quantity]]
+            log.names[quantity] = [f"{name}.{axis}" for axis in log.names[quantity]]
     else:
         log = read_table(used[0], columns)
     log.units |= {"acceleration": unit} if unit else {}

@@ -73,7 +73,7 @@ def find_timeline(rows, path=None):
     log cannot have marks, and a RejectedLog if the marks do not fit the log.
     """
     columns = rows.declared.pps
-    if not (path or rows.log.found.get("pps")):
+    if not (path or rows.log.names.get("pps")):
         raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
     if not rows.stamped or rows.dates:
         why = "stamps are dates" if rows.dates else "log has no time column"

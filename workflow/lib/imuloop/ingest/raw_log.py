@@ -15,7 +15,7 @@ class RawLog:
 
     `batch` has the rows. Its columns are `stamp` (int64, float64 or timestamp[ns]; absent without a
     time column), `ax ay az gx gy gz` (float64, raw units; a log of one sensor has only its axes),
-    and `temperature` if it is logged (float64, raw unit). `found` has the names of the columns of
+    and `temperature` if it is logged (float64, raw unit). `names` has the names of the columns of
     each quantity, and `units` the units that the file states. `nominal` has the scale of the counts
     of each sensor, as in the config, if the file states it. `simulated` tells whether the log is
     simulated. `columns` lists all columns, text, and `unread` is the number of columns that are not
@@ -27,7 +27,7 @@ class RawLog:
     """
 
     batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))
-    found: dict = field(default_factory=dict)
+    names: dict = field(default_factory=dict)
     units: dict = field(default_factory=dict)
     nominal: dict = field(default_factory=dict)
     simulated: bool = False
@@ -43,7 +43,7 @@ class RawLog:
     @property
     def temperature(self):
         """Whether the log holds a temperature."""
-        return TEMPERATURE in self.found
+        return TEMPERATURE in self.names
 
     def lose(self, count):
         """Add the bad lines and the bytes of `count`, a RawLog that counts a part of the log."""
@@ -59,7 +59,7 @@ def absent_sensor(log, columns):
     unread columns than a sensor has axes. Otherwise its columns are not known, and an ImuloopError
     is raised.
     """
-    lacks = [quantity for quantity in SENSORS if quantity not in log.found]
+    lacks = [quantity for quantity in SENSORS if quantity not in log.names]
     for quantity in lacks:
         said = quantity in columns and columns[quantity] is None
         if len(lacks) > 1 or not (said or log.unread < len(AXES)):

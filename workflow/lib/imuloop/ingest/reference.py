@@ -193,12 +193,12 @@ def _noise(reference):
 
     The result is a dict.
     """
-    t, known, placed = reference.t, reference.has_attitude, reference.has_place
-    attitude = Rotation.from_quat(reference.q[known], scalar_first=True)
+    t, has_attitude, has_place = reference.t, reference.has_attitude, reference.has_place
+    attitude = Rotation.from_quat(reference.q[has_attitude], scalar_first=True)
     turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     return {
-        "orientation": _white_noise(t[known], turn) or 0.0,
-        "position": _white_noise(t[placed], np.diff(reference.p[placed], axis=0)),
+        "orientation": _white_noise(t[has_attitude], turn) or 0.0,
+        "position": _white_noise(t[has_place], np.diff(reference.p[has_place], axis=0)),
     }
 
 

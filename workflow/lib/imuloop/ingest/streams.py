@@ -110,8 +110,8 @@ def raw_log(streams, columns=None, notes=(), damage=()):
         notes.append(f"temperature not read: {both} hold one; name it in columns.temperature")
     tables |= {"temperature": thermometers[0]} if len(thermometers) == 1 else {}
     log = read_tables(tables, lambda name, declared: streams[name].log(declared), columns)
-    if isinstance(times := log.found.get("time"), dict):
-        log.found["time"] = times["acceleration" if log.slower == "gyroscope" else "angular_rate"]
+    if isinstance(times := log.names.get("time"), dict):
+        log.names["time"] = times["acceleration" if log.slower == "gyroscope" else "angular_rate"]
     log.notes[:0] = notes
     return log
 

@@ -70,7 +70,7 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
         raw[STAMP] = joined_stamps(raw[STAMP], raw.pop(FRACTION), chosen.part_ns)
     log = RawLog(
         batch=pa.RecordBatch.from_pydict(raw),
-        found=chosen.found(names),
+        names=chosen.names_by_quantity(names),
         units=chosen.units | dict(units),
         columns=listed(names, headed),
         unread=len(names) - len({*chosen.raw.values()}),
@@ -93,7 +93,7 @@ def _unit_of_stamps(log):
     The unit is clear if the stamps of the RawLog are Unix time in a finer unit than s, at a
     plausible rate, or ticks of Xsens.
     """
-    name = log.found.get("time")
+    name = log.names.get("time")
     if "time" in log.units or not isinstance(name, str):
         return None
     stamps, readable, dates = stamp_values(log.batch[STAMP].slice(0, HEAD_ROWS))
@@ -143,8 +143,8 @@ def _without_turns(log):
     for (quantity, axes), rows in zip(SENSORS.items(), ~_absent(log.batch, lacks), strict=True):
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
         batch = log.batch.filter(pa.array(rows)).select([STAMP, *axes, *more])
-        names = {key: log.found[key] for key in ("time", quantity, *more)}
-        logs[SENSOR_OF[quantity]] = replace(log, batch=batch, found=names, notes=notes)
+        names = {key: log.names[key] for key in ("time", quantity, *more)}
+        logs[SENSOR_OF[quantity]] = replace(log, batch=batch, names=names, notes=notes)
     return join(logs)
 
 
@@ -186,7 +186,7 @@ def read_tables(tables, read, columns):
         declared |= dict.fromkeys({*tables}.difference(quantities))
         logs[name] = read(name, declared)
         for quantity in quantities:
-            if quantity in SENSORS and quantity not in logs[name].found:
+            if quantity in SENSORS and quantity not in logs[name].names:
                 raise lacking(quantity, logs[name].columns)
     return join(logs) if len(logs) > 1 else logs[name]
 

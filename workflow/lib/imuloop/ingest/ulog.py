@@ -57,7 +57,7 @@ def read(paths, columns=None):
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
     raw = raw_log(streams, columns, notes, damage)
     topics = {f"{topic.name}_{topic.multi_id}": topic.data for topic in log.data_list}
-    for quantity, names in raw.found.items():
+    for quantity, names in raw.names.items():
         if quantity in _IDS:
             data = topics[names[0].partition(".")[0]]
             raw.sensor_ids |= _sensor_id(quantity, data, log.initial_parameters)
