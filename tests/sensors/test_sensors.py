@@ -1,18 +1,17 @@
 """The table of sensors: against its schema, against drivers of others, and as a prior."""
 
 from math import radians
+from pathlib import Path
 
 import pytest
 import yaml
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-from imuloop.sensors import GENERIC, PARTS, Tolerance, find_sensor, sensor_names
+from imuloop.sensors import GENERIC, Tolerance, find_sensor, sensor_names
 from result_files import validator
 
-UG, UDPS = STANDARD_GRAVITY * 1e-6, DEGREE * 1e-6
 NAMES = sensor_names()
-QUANTITIES = {sensor: quantity for quantity, sensor in PARTS.items()}
 SENSORS = ("accelerometer", "gyroscope")
 
 
@@ -47,86 +46,24 @@ def test_scale_times_counts_is_the_full_scale(table, name):
         assert max(counts) <= 2 ** (part["count_bits"] - 1)
 
 
-ST = "lsm6ds3 lsm6ds3trc lsm6dsl lsm6dsm lsm6dso lsm6dsox ism330dlc ism330dhcx"
-INVENSENSE = "mpu6050 mpu6500 mpu9150 mpu9250 icm20602 icm20689"
-GRADED = "adis16465 adis16467 adis16475 adis16477 adis16505 adis16507"
+DRIVERS = yaml.safe_load(Path(__file__).with_name("drivers.yaml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    ("names", "sensor", "scales", "unit"),
-    [
-        # Linux st_lsm6dsx_core.c: 70 mdps at 2000 deg/s, 0.732 mg at 16 g of the LSM9DS1
-        (ST, "accelerometer", {"2 g": 61, "4 g": 122, "8 g": 244, "16 g": 488}, UG),
-        (ST, "gyroscope", {"250 deg/s": 8750, "500 deg/s": 17500}, UDPS),
-        (ST, "gyroscope", {"1000 deg/s": 35000, "2000 deg/s": 70000}, UDPS),
-        ("lsm9ds1", "accelerometer", {"2 g": 61, "4 g": 122, "8 g": 244, "16 g": 732}, UG),
-        ("lsm9ds1", "gyroscope", {"245 deg/s": 8750, "500 deg/s": 17500}, UDPS),
-        ("lsm9ds1 lsm9ds0 l3gd20h", "gyroscope", {"2000 deg/s": 70000}, UDPS),
-        # the vendor's st_lsm6dsvx.h and st_asm330lhh.h
-        ("lsm6dsv16x ism330dhcx", "gyroscope", {"125 deg/s": 4375, "4000 deg/s": 140000}, UDPS),
-        # Adafruit_LSM9DS0.h
-        ("lsm9ds0", "accelerometer", {"6 g": 183, "16 g": 732}, UG),
-        # Linux inv_mpu_core.c
-        (INVENSENSE, "accelerometer", {"2 g": 598, "4 g": 1196, "8 g": 2392, "16 g": 4785}, 1e-6),
-        (INVENSENSE, "gyroscope", {"250 deg/s": 133090, "500 deg/s": 266181}, 1e-9),
-        (INVENSENSE, "gyroscope", {"1000 deg/s": 532362, "2000 deg/s": 1064724}, 1e-9),
-        # Linux inv_icm42600_gyro.c, inv_icm45600_gyro.c: not the rounded 16.4 counts per deg/s
-        (
-            "icm42605 icm42688p icm45686",
-            "gyroscope",
-            {"15.625 deg/s": 8322, "125 deg/s": 66579, "2000 deg/s": 1065264},
-            1e-9,
-        ),
-        ("icm45686", "gyroscope", {"4000 deg/s": 2130529}, 1e-9),
-        # PX4 icm20649: 1024 counts per g at 30 g
-        ("icm20649", "accelerometer", {"30 g": 1 / 1024}, STANDARD_GRAVITY),
-        # Linux bmi160_core.c, bmi270_core.c, bmi323_core.c
-        ("bmi160 bmi270 bmi323", "accelerometer", {"2 g": 598, "16 g": 4788}, 1e-6),
-        ("bmi160 bmi270 bmi323", "gyroscope", {"1000 deg/s": 532, "2000 deg/s": 1065}, 1e-6),
-        # the conversion of the BMI088 data sheet
-        ("bmi088", "accelerometer", {"3 g": 1.5 * 2 / 32768, "24 g": 24 / 32768}, STANDARD_GRAVITY),
-        # bno055.h of the manufacturer, units after power-on
-        ("bno055", "accelerometer", {"4 g": 1 / 100}, 1.0),
-        ("bno055", "gyroscope", {"2000 deg/s": 1 / 16}, DEGREE),
-        # Linux fxos8700_core.c, 14 bits; fxas21002c_core.c
-        ("fxos8700", "accelerometer", {"2 g": 244, "4 g": 488, "8 g": 976}, UG),
-        ("fxas21002c", "gyroscope", {"2000 deg/s": 2000 / 32000}, DEGREE),
-        # Linux adis16400.c, adis16475.c; Analog Devices iio_adis16505.c for counts of 32 bits
-        ("adis16448", "accelerometer", {"18 g": 833}, UG),
-        ("adis16448", "gyroscope", {"1000 deg/s": 40000}, UDPS),
-        (
-            GRADED,
-            "gyroscope",
-            {"125 deg/s": 1 / 160, "500 deg/s": 1 / 40, "2000 deg/s": 1 / 10},
-            DEGREE,
-        ),
-        ("adis16465 adis16475", "accelerometer", {"8 g": 1 / 4000}, STANDARD_GRAVITY),
-        ("adis16467 adis16470 adis16477", "accelerometer", {"40 g": 1 / 800}, STANDARD_GRAVITY),
-        ("adis16505", "accelerometer", {"78.4 m/s^2": 65536 / 26756268}, 1.0),
-        ("adis16500 adis16507", "accelerometer", {"392 m/s^2": 392 / 32000}, 1.0),
-        # ArduPilot and AeroQuad
-        ("itg3200", "gyroscope", {"2000 deg/s": 1 / 14.375}, DEGREE),
-    ],
-)
-def test_scales_are_those_of_drivers(names, sensor, scales, unit):
-    for name in names.split():
-        for full_scale, scale in scales.items():
-            stated = find_sensor(name).choose_range(QUANTITIES[sensor], full_scale).scale
+@pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: driver["source"])
+def test_scales_are_those_of_drivers(driver):
+    unit = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "rad/s": 1.0, "deg/s": DEGREE}[driver["unit"]]
+    for name in driver["names"].split():
+        for full_scale, scale in driver["scales"].items():
+            stated = find_sensor(name).choose_range(driver["quantity"], full_scale).scale
             assert stated == pytest.approx(scale * unit, rel=1.5e-3), (name, full_scale)
 
 
-@pytest.mark.parametrize(
-    ("name", "label"),
-    [
-        ("icm42688p", "ICM-42688-P"),
-        ("ICM-42688-P", "ICM-42688-P"),
-        ("icm 42688_p", "ICM-42688-P"),
-        ("MPU9255", "MPU-9250"),
-        ("adis16475-2", "ADIS16475"),
-    ],
-)
-def test_case_and_punctuation_of_a_name_do_not_matter(name, label):
-    assert find_sensor(name).label == label
+@pytest.mark.parametrize("name", ["icm42688p", "ICM-42688-P", "icm 42688_p"])
+def test_case_and_punctuation_of_a_name_do_not_matter(name):
+    assert find_sensor(name).label == "ICM-42688-P"
+    # other names of a chip
+    assert find_sensor("MPU9255").label == "MPU-9250"
+    assert find_sensor("adis16475-2").label == "ADIS16475"
 
 
 @pytest.mark.parametrize(
@@ -150,7 +87,7 @@ def test_a_range_is_chosen_by_its_full_scale(wanted):
     assert chosen.name == "16 g"
     assert chosen.full_scale == pytest.approx(16 * STANDARD_GRAVITY)
     assert chosen.scale == pytest.approx(STANDARD_GRAVITY / 2048)
-    assert chosen.noise_density == pytest.approx(65 * UG)
+    assert chosen.noise_density == pytest.approx(65e-6 * STANDARD_GRAVITY)
 
 
 @pytest.mark.parametrize("wanted", [None, "10 g", "16", 16, "16 parsec", "", "4500 deg/s"])
