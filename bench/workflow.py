@@ -57,10 +57,10 @@ STATIC_S = 1200.0
 FOLLOWS = 10
 # jobs of one device by rule: all of them, jobs of which the code is edited, and jobs that a
 # changed default reaches
-WHOLE = Counter("noise calibrate diagnose export report_device".split())
+WHOLE = Counter("noise calibrate diagnose report_device".split())
 WHOLE.update(["ingest", "segment", "allan"] * 2)
-EDITED = Counter("export report_device".split())
-DEFAULT = Counter("calibrate diagnose allan allan export report_device".split())
+EDITED = Counter(["report_device"])
+DEFAULT = Counter("calibrate diagnose allan allan report_device".split())
 KINDS = ("multi_position", "static")
 
 
@@ -235,7 +235,7 @@ def time_runs(folder, count, cores, rows):
     run("one device added", WHOLE, 1)
     write_config(work, count + 1, longest_rotation=31)
     run("one default changed", DEFAULT, len(range(0, count + 1, FOLLOWS)))
-    with open(repository / "scripts/export.py", "a") as file:
+    with open(repository / "scripts/report_device.py", "a") as file:
         file.write("\nEDITED = True\n")
     run("one script edited", EDITED, count + 1)
     return faults
