@@ -13,9 +13,9 @@ from imuloop.model.effect import Effect
 def candidates(sensor, record, channels):
     """Return the variants to try on a sensor, and the effects that are not tried.
 
-    A variant is an effect with values of its constants, such as a time constant. Effects that this
-    kind of record does not show are in neither result, unless the effect itself says why rests
-    cannot show it (`unobservable`).
+    A variant is an effect with values of its constants, such as a time constant. Some effects do
+    not show in this kind of record. They are in neither result, unless the effect itself says why
+    rests cannot show it (`unobservable`).
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def candidates(sensor, record, channels):
 
 
 def search_content(choices, fitted, reasons, sensor):
-    """Return the fields of diagnosis.json about the search for effects of one sensor.
+    """Return the fields of diagnosis.json about the search for effects of one sensor, a dict.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def search_content(choices, fitted, reasons, sensor):
     fitted : sequence of FittedEffect
         The added effects, in the order of the choice.
     reasons : dict of type to (str, str)
-        Status and reason of the effects that were not tried, by class of effect.
+        By class of effect, status and reason of each effect that was not tried.
     sensor : str
         Name of the sensor.
 
@@ -106,9 +106,10 @@ def search_content(choices, fitted, reasons, sensor):
 
 
 def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
-    """Compare each kind of residual with its floor, without and with the added effects.
+    """Return the verdict on the residuals, and each kind of residual compared with its floor.
 
-    The floor is the held-out error that the noise alone gives.
+    The floor is the held-out error that the noise alone gives. The comparison is made twice:
+    without and with the added effects.
 
     Parameters
     ----------
@@ -152,7 +153,10 @@ def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
 
 
 def untried(name, status, why):
-    """Return the entry in diagnosis.json of a candidate that was not tried, with the reason."""
+    """Return the entry in diagnosis.json of an effect that was not tried, a dict.
+
+    `name` is the name of the effect, and `why` the reason for its `status`, all texts.
+    """
     figures = ("p_value", "heldout_after", "detection_limit", "confounded_with")
     return {"name": name, "status": status, "why": why, **dict.fromkeys(figures)}
 
@@ -160,7 +164,8 @@ def untried(name, status, why):
 def _candidate(sensor, choices, kind):
     """Return the entry in diagnosis.json of a kind of effect that was tried on a sensor, a dict.
 
-    `choices` are the Choices: the searches in the record, and the effects that were added.
+    `choices` are the Choices: the searches in the record and the choice of effects. `kind` is the
+    kind of effect, and `sensor` the name of the sensor.
     """
     problem, choice = choices.problem, choices.choice()
     # the kind is tested with all other added effects in the model
@@ -209,11 +214,12 @@ def _candidate(sensor, choices, kind):
 
 
 def _status(choices, base, trial):
-    """Return the status of a candidate, the reason, and the effect that it is confounded with.
+    """Return the status of a kind of effect that was tried, the reason, and its double.
 
-    All are texts; the last one is None if the status is not “confounded”. `choices` are the
-    searches and the added effects, `trial` is the Trial, the significance test, of the candidate,
-    and `base` has the added effects without the candidate.
+    The double is an effect that these data cannot tell from this one; it is None if the status is
+    not “confounded”. All three are texts. `choices` are the Choices: the searches and the added
+    effects. `trial` is the Trial, the significance test, of this kind, and `base` has the added
+    effects of other kinds.
     """
     choice, kind = choices.choice(), trial.effect.kind
     if any(trial is added for added in choice.added):
@@ -233,11 +239,12 @@ def _status(choices, base, trial):
 
 
 def _by_slow_noise(search, base, trial):
-    """Return whether a trial fails only because of noise that is slower than was estimated.
+    """Return whether only possible slow noise keeps an effect from being significant, a bool.
 
-    The trial fails under all noise hypotheses, the covariances that the noise may have, together,
-    but would pass under those without more slow noise than was estimated. `search` is the Search of
-    all data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
+    A noise hypothesis is one covariance that the noise may have. The test of the effect fails with
+    the average over all hypotheses, but passes with the average over those that have no more slow
+    noise than was estimated. `search` is the Search of all data, `base` has the effects in the
+    model, and `trial` is the Trial, the test, of the effect.
     """
     if trial.log_p < search.threshold(len(base)):
         return False
@@ -247,9 +254,10 @@ def _by_slow_noise(search, base, trial):
 
 
 def size_of(problem, kind, errors):
-    """Return the root mean square norm of the errors of one kind of residual, a float.
+    """Return the root mean square norm of the residuals of one kind, a float.
 
     `errors`, (n, k), are the n rows of that kind, with one column for each of k axes. A residual
-    consists of `problem.kinds[kind][1]` consecutive rows, and its norm is over all of them.
+    consists of `problem.kinds[kind][1]` consecutive rows, its components. The norm of a residual is
+    over its components on all axes.
     """
     return rms_norm(errors.reshape(-1, problem.kinds[kind][1] * errors.shape[1]))

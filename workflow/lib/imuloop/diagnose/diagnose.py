@@ -38,7 +38,7 @@ RECORDS = ("poses", "static_record", "motion")
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The diagnosis of a device, as validation and advice use it."""
+    """The diagnosis of a device: results and intermediate values for validation and advice."""
 
     content: dict  # content of diagnosis.json without the next steps
     calibration: Calibration  # the model with the added effects
@@ -64,7 +64,7 @@ def diagnose_device(
     noise_settings,
     prior=None,
 ):
-    """Search all records of a device for effects that its model lacks; return a Diagnosed.
+    """Return the Diagnosed of a device: the effects that its model lacks, from all its records.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def diagnose_device(
         Results of the noise stage and of both calibration stages.
     calibrate_settings, settings, noise_settings
         Settings of the calibration, the diagnosis and the noise stage. Calibration and noise are
-        estimated again with the effects that are found.
+        estimated again with the effects that the diagnosis adds.
     prior : Prior, optional
         Distribution of the parameters before the data; by default it follows from the data sheet.
 
@@ -156,32 +156,35 @@ def diagnose_device(
 
 
 def _names(sessions, kinds):
-    """Return the names of the sessions of some kinds that were not rejected, a list."""
+    """Return the names of the sessions of the given kinds that were not rejected, a list."""
     return [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
 
 
 def combine_calibrations(base, poses, static, records, has_static_session, bias_held):
-    """Return the Calibration of both sensors with the effects of poses and static records.
+    """Return the Calibration of both sensors with the effects that poses or static records show.
 
     A static record is a rest of minutes to hours, as a list of means.
+
+    - A sensor gets the calibration by the poses if that calibration has effects, or if the bias at
+      the poses counts.
+    - Otherwise it gets the calibration in `base` with the effects of its static records.
 
     Parameters
     ----------
     base : Calibration
         The calibration of the stage before, without effects.
     poses : PoseResult
-        The diagnosis at the poses. A sensor gets the calibration by the poses if this calibration
-        has effects, or if the bias at the poses counts.
+        The diagnosis at the poses.
     static : StaticResult
-        The diagnosis of the static records. In all other cases the effects of these records are
-        added to the calibration in `base`.
+        The diagnosis of the static records.
     records : dict of str to list of StaticRecord
         Static records by sensor.
     has_static_session : bool
-        Whether a static session has these records. The effects of other rests count only for a
-        sensor that the poses do not calibrate.
+        Whether a static session has these records. If not, the records are other rests: their
+        effects count only for a sensor that the poses do not calibrate.
     bias_held : bool
-        Whether the gyroscope keeps its bias at the first rest.
+        Whether the gyroscope keeps its bias at the first rest. Then the bias at the poses counts
+        only if the accelerometer has effects.
     """
     # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer")
@@ -200,13 +203,15 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
 def judge_calibration(calibration, sensor, contents, static_kinds):
     """Return the SensorCalibration with its verdict, and with the reason if it is implausible.
 
+    The verdict is the worst verdict of the records that the calibration comes from.
+
     Parameters
     ----------
     calibration : SensorCalibration
     sensor : str
     contents : dict of str to dict
-        Content of diagnosis.json by kind of record. If the calibration is implausible, the good
-        verdicts are replaced in this dict.
+        Content of diagnosis.json by kind of record. If the calibration is implausible, the verdicts
+        ``consistent`` and ``explained`` are replaced in this dict.
     static_kinds : dict of str to str
         Kinds of the sessions that the static records come from, by name.
     """
@@ -222,8 +227,8 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
 def with_static_effects(calibration, effects, records):
     """Return the SensorCalibration of a sensor with the FittedEffects of its static records.
 
-    For a sensor that only rested, the bias is the mean over the `records`, a list of StaticRecord,
-    after the effects are subtracted.
+    If the sensor was only calibrated at rest (`method` is ``static``), its bias is estimated again:
+    it is the mean over the `records`, a list of StaticRecord, after the effects are subtracted.
     """
     b = calibration.b
     if effects and calibration.method == "static":
@@ -237,17 +242,18 @@ def with_static_effects(calibration, effects, records):
 def with_validity_ranges(calibration, poses, recording, records, static_effects):
     """Return the Calibration with the range of inputs in which each effect was estimated.
 
-    An effect is clamped to its range when the calibration is applied.
+    Outside this range, an applied calibration uses the effect at the end of the range.
 
     Parameters
     ----------
     calibration : Calibration
     poses : PoseResult
-        The diagnosis at the poses. A sensor that the poses calibrate has the ranges of its inputs
-        at the poses; the ranges of a gyroscope include the rotations between them.
+        The diagnosis at the poses. If the poses calibrate a sensor, its ranges come from its inputs
+        at the poses. The ranges of a gyroscope include the rotations between poses.
     recording : Recording
         Poses and rotations.
     records : dict of str to list of StaticRecord
+        Static records by sensor.
     static_effects : dict of str to tuple of FittedEffect
         Effects of the static records by sensor: their ranges come from these records, too.
     """

@@ -40,17 +40,19 @@ LATE_SENSOR = (
 
 
 class MotionProblem(PoseProblem):
-    """The problem of both sensors at the poses and in the moves.
+    """The poses of a device and the moves between them, as a problem for `Choices`.
 
-    A row is one component of the residual of a pose, or of the velocity after a move. Only moves
-    are in folds. Every fit uses all poses, which determine the base model.
+    A row is one component of the residual of a pose, or of the velocity after a move. Only rows of
+    moves are in folds, and so are held out in turn. Every fit uses all poses, which determine the
+    base model.
     """
 
     @cached_property
     def rows(self):
-        """Index of the move of each row, in two equal columns, (n, 2), and kind of each row, (N,).
+        """Index of the move of each row, (n, 2), in two equal columns, and kind of each row, (N,).
 
-        The index is -1 for rows of poses. The N - n last rows come from a prior.
+        The kind is the kind of residual. Rows of poses have the index -1. The last N - n rows come
+        from a prior and have no index.
         """
         poses, kind = super().rows
         move = np.searchsorted(self.recording.rotations.first, poses[:, :1])
@@ -59,10 +61,10 @@ class MotionProblem(PoseProblem):
 
     @cached_property
     def error_scale(self):
-        """Standard deviation of each row, (N,), by which held-out errors are divided.
+        """Standard deviation of each row by the noise, (N,), the unit of its held-out error.
 
-        The deviation comes from the likeliest noise without effects: the noise of a move grows with
-        the length of the move, and so does the error of a missing effect.
+        The noise is the likeliest one without effects. Its standard deviation is a good unit
+        because it grows with the length of a move, as the error by a missing effect does.
         """
         # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
@@ -85,13 +87,18 @@ def candidates_in_motion(nuisance_kinds):
 
 
 def motion_products(sensor):
-    """Return the Products that only motion shows: products of specific force and angular rate."""
+    """Return the Products that only motion shows, a tuple, empty for the gyroscope.
+
+    They are products of specific force and angular rate, as errors of the accelerometer.
+    """
     every_product = products(sensor, "fw") if sensor == "accelerometer" else ()
     return tuple(product for product in every_product if "motion" in product.records)
 
 
 def diagnose_motion(poses):
-    """Search for effects in the moves of a device, and judge the velocities that remain.
+    """Return the effects that the moves of a device show, and the verdict on the velocities.
+
+    The velocity at the end of a move should be zero.
 
     Parameters
     ----------
@@ -155,10 +162,13 @@ def diagnose_motion(poses):
 def _too_few_moves(recording, usable, knock, lossy, tilted):
     """Return the reason, text, why too few moves are usable, with a remedy.
 
-    `usable` has the usable moves, (m,) of bool. The other arguments are the faults of each of the m
-    moves: `knock`, the velocity that the move may lose between two samples, m/s, nan if the
-    specific force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
-    `tilted`, whether a rest before or after the move has a tilt.
+    `usable`, (m,) of bool, says which of the m moves are usable. The other arguments are faults of
+    each move:
+
+    - `knock`, the velocity that the move may lose between two samples, m/s; nan if the specific
+      force is saturated.
+    - `lossy`, whether dropped samples may hide too large a velocity.
+    - `tilted`, whether a rest before or after the move has a tilt.
     """
     why = f"{usable.sum()} of {plural(len(usable), 'move')} without a knock"
     why += " and between rests without a tilt" * bool(tilted.any())
@@ -172,9 +182,10 @@ def _too_few_moves(recording, usable, knock, lossy, tilted):
 
 
 def _has_step(recording, effects):
-    """Return the moves in which a bias has a step, (m,) of bool: when in the move is not known.
+    """Return the moves in which a bias has a step, a mask, (m,) of bool.
 
-    `effects` are the SensorEffects of the model.
+    Such moves are not used, as it is not known when in the move the step is. `effects` are the
+    SensorEffects of the model, and `recording` has the m moves.
     """
     mid, first = recording.poses.mid_s, recording.rotations.first
     times = [effect.effect.times[0] for effect in effects if effect.name == Steps.name]
@@ -185,34 +196,33 @@ def _has_step(recording, effects):
 def no_result(why, columns=None):
     """Return the PoseResult of moves that cannot be tested.
 
-    `why` is the reason, one line of text.
-
-    `columns` are columns of moves.parquet that were computed nevertheless.
+    `why` is the reason, one line of text. `columns` are columns of moves.parquet that were computed
+    before, a dict.
     """
     contents = {sensor: not_testable(why) for sensor in SENSORS}
     return PoseResult(contents, residuals=columns or {})
 
 
 def knocks(recording, gyroscope_bias):
-    """Return the velocity that each move may lose between two samples, m/s, (m,).
+    """Return the largest velocity that each move may gain or lose unseen by a knock, m/s, (m,).
 
-    A knock shorter than a sample interval may not be sampled. So the result is the largest velocity
-    that one of the sample intervals of a move may hide, ``|Δf + w × f Δt| Δt`` for the change Δf of
-    specific force. A move in which the specific force is saturated has nan. `gyroscope_bias`, (3,),
-    is in nominal SI, rad/s.
+    A knock shorter than a sample interval may not be sampled. Each sample interval Δt may hide the
+    velocity ``|Δf + w × f Δt| Δt``, with the change Δf of specific force. The result is the largest
+    of these over the intervals of a move. A move in which the specific force is saturated has nan.
+    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return how much velocity dropped samples of each move may hide, relative to the noise, (m,).
+    """Return the velocity error of each move by dropped samples, over its error by noise, (m,).
 
     Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
-    third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
-    error of ``σ √(τ T)`` in a move of T seconds with the sample interval τ. The result is the first
-    error divided by the second. `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data
-    sheet), rad/s.
+    third of ``|Δf + w × f Δt| Δt``. Here Δf is the change of specific force f over the gap, and w
+    the angular rate. White noise with the variance σ² of a sample gives a velocity error of
+    ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`, (3,), is in
+    nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):
@@ -228,9 +238,9 @@ def hidden_velocity(recording, gyroscope_bias):
 def unsampled_velocity(rotations, gyroscope_bias):
     """Return the velocity that each sample interval of m moves may hide, m/s, (m, k - 1).
 
-    It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force over the interval Δt, without
-    the change that the turn at the angular rate w makes. `rotations` are the Rotations, with k
-    samples each; `gyroscope_bias`, (3,), is in nominal SI, rad/s.
+    It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force f over the interval Δt. The
+    term ``w × f Δt`` cancels the change that the turn at the angular rate w makes. `rotations` are
+    the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal SI, rad/s.
     """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps

@@ -30,25 +30,31 @@ class Linearization:
 
     @property
     def slow(self):
-        """Components of slow noise, a list: the noise model gives their size and its error."""
+        """Components of slow noise, a list of Component.
+
+        The noise model gives their sizes and the errors of these sizes.
+        """
         return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
 
     @property
     def variance(self):
-        """Variance of the rows by the noise as estimated, (N,)."""
+        """Variance of each of the N rows by the noise as estimated, (N,).
+
+        The sizes of slow noise are those in the noise model. The excess of each kind of residual is
+        left out.
+        """
         slow = (np.diag(c.covariance) * c.size**2 for c in self.slow)
         return np.diag(self.likelihood.fixed) + sum(slow)
 
     @cached_property
     def alternatives(self):
-        """Alternatives of the noise for the verdict, from the sizes as estimated to the likeliest.
+        """Alternatives of the noise for the verdict: m log priors, (m,), and a list of covariances.
 
-        Alternative j moves the sizes of all slow components by the share `PATH[j]` of the way from
-        the estimates to the likeliest sizes. The whole way has the length d, in standard deviations
-        of the estimates, so that the logarithm of the prior probability is ``-(d PATH[j])²/2``.
-
-        The result is the log prior of each alternative, (m,), and the covariances of the rows, a
-        list of m arrays (N, N). The noise as estimated is the first.
+        The list has m covariances of the rows, (N, N). They lie between two ends: the noise as
+        estimated, which is the first, and the noise with the likeliest sizes of all slow
+        components. Alternative j is the share `PATH[j]` of the way from the first to the second.
+        The whole way has the length d, in standard deviations of the estimates, so that the
+        logarithm of the prior probability is ``-(d PATH[j])²/2``.
         """
         fixed, slow = self.likelihood.fixed, self.slow
         sizes = np.array([component.size for component in slow])
@@ -59,24 +65,27 @@ class Linearization:
 
     @cached_property
     def error_covariances(self):
-        """Covariance of the held-out errors by each alternative of the noise, m arrays (N, N)."""
+        """List of m covariances of the held-out errors, (N, N), one for each alternative."""
         return self.error_covariances_by(self.alternatives[1])
 
     def error_covariances_by(self, covariances):
-        """Return the covariance of the held-out errors by each covariance of the rows, (N, N).
+        """Return the covariance of the held-out errors for each covariance of the rows, a list.
 
-        Each fold is predicted by a fit, with the effects, to the rows outside it.
+        `covariances` has the covariances of the rows, (N, N) each; the covariances of the errors
+        have the same shape. Each fold is predicted by a fit, with the effects, to the rows outside
+        it.
         """
         folds = self.evidence.row_folds
         return [held_out_covariance(noise, self.jacobian, folds) for noise in covariances]
 
 
 def kind_hypotheses(components, likelihood, likeliest):
-    """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
+    """Return noise hypotheses in which the noise of one kind of residual may be larger alone.
 
-    Under each hypothesis, the components of one kind of residual have the likeliest sizes and the
-    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
-    has all sizes as estimated, and the last one has all likeliest sizes.
+    A hypothesis is one covariance that the noise may have. Under each, the components of one kind
+    of residual have the likeliest sizes and the components of all other kinds have the sizes as
+    estimated, or the reverse. The first hypothesis has all sizes as estimated, and the last one has
+    all likeliest sizes.
 
     Parameters
     ----------

@@ -60,10 +60,11 @@ class PoseProblem:
 
     @cached_property
     def static_rows(self):
-        """Rows ``R θ - z``, with mean 0 and variance 1: knowledge from static records on effects.
+        """Knowledge from static records about effects, as rows ``R θ - z`` of a prior.
 
-        θ are the q parameters of an effect. The value is a dict of R, (s, q), by effect, and z,
-        (s,). For the Fisher information A and the moment b, ``Rᵀ R = A`` and ``Rᵀ z = b``.
+        θ are the q parameters of an effect, and ``R θ - z`` has mean 0 and variance 1. The value is
+        a dict of R, (s, q), by effect, and z, (s,). With the Fisher information A and the moment b
+        of the static records, ``Rᵀ R = A`` and ``Rᵀ z = b``.
         """
         if self.static is None:
             return {}, np.zeros(0)
@@ -84,10 +85,11 @@ class PoseProblem:
         return split_by_effect(rows, effects), axes @ (moment / size) / roots
 
     def prior(self, effects):
-        """Return R, (k, p), and z, (k,): ``R x - z`` has mean 0 and variance 1 before the fit.
+        """Return the prior of a fit as R, (k, p), and z, (k,): ``R x - z`` is near zero.
 
-        x are the p parameters of a fit. The first rows are the prior of the base model; the other
-        rows hold the knowledge from static records about the parameters of `effects`.
+        x are the p parameters of the fit. Before the fit, ``R x - z`` has mean 0 and variance 1.
+        The first rows are the prior of the base model. The other rows hold the knowledge from
+        static records about the parameters of `effects`.
         """
         (R_base, z_base), (R_by_effect, z) = self.joint_fit.prior_rows, self.static_rows
         R = [R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
@@ -96,7 +98,7 @@ class PoseProblem:
 
     @cached_property
     def rows(self):
-        """Indices of the first and last pose of each row, (n, 2), and kind of each row, (N,).
+        """The first and last pose of each row, indices, (n, 2), and the kind of each row, (N,).
 
         The row of a pose has this pose twice; the row of a move has the poses at its ends. The kind
         is the kind of residual. The N - n last rows come from the prior: they have no pose, and
@@ -107,21 +109,23 @@ class PoseProblem:
 
     @cached_property
     def row_folds(self):
-        """Folds of the first and of the last pose of each row, (N, 2); -1 for the prior's rows."""
+        """Folds of the first and the last pose of each row, (N, 2): one column for each pose.
+
+        A row of the prior has no pose; it has -1 in both columns, which stands for no fold.
+        """
         folds, kind = self.fold_of_pose[self.rows[0]], self.rows[1]
         return np.pad(folds, ((0, len(kind) - len(folds)), (0, 0)), constant_values=-1)
 
     @property
     def fold_of_row(self):
-        """Fold that each row is held out with, (N,), which is the fold of its first pose."""
+        """Fold that each row is held out with, (N,): the fold of its first pose."""
         return self.row_folds[:, 0]
 
     def residuals(self, search, effects):
-        """Return the residuals of all rows, (N, 1), by a fit of effects to the training rows.
+        """Return the residuals of all N rows, (N, 1), by a fit of effects to the training rows.
 
-        `search` is the Search that has these training rows. Held-out rows next to a step are nan:
-        from the training poses, the step may be anywhere between the last one before it and the
-        first one after it.
+        `search` is the Search, which says which rows are training rows. Held-out rows next to a
+        step of the bias are nan: the training poses do not show on which side of the step they are.
         """
         residuals = search.training_fit(effects).residuals(effects, 0)
         for effect in effects:
@@ -130,12 +134,12 @@ class PoseProblem:
         return residuals[:, None]
 
     def _rows_next_to_step(self, effect, held_out):
-        """Return the indices of the held-out rows next to a step, the SensorEffect `effect`.
+        """Return the indices of held-out rows that a step leaves uncertain.
 
-        The training poses show only that the step lies between the last training pose before it and
-        the first one after it. A held-out pose between these two may lie on either side of the
-        step, so the rows that depend on this pose cannot be predicted. `held_out` has the numbers
-        of the held-out folds.
+        `effect` is the step, a SensorEffect. The training poses show only that the step lies
+        between the last training pose before it and the first one after it. A held-out pose between
+        these two may lie on either side of the step, so the rows that depend on this pose cannot be
+        predicted. `held_out` has the numbers of the held-out folds.
         """
         is_held_out, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
@@ -150,7 +154,7 @@ class PoseProblem:
         return np.flatnonzero(of_sensor & np.isin(poses_of_row, poses).any(axis=1))
 
     def of_kind(self, kind):
-        """Return the rows of one kind of residual, (N,) of bool."""
+        """Return the mask of the rows that belong to one kind of residual, (N,) of bool."""
         return self.rows[1] == kind
 
     @property
@@ -159,7 +163,10 @@ class PoseProblem:
         return self.joint_fit.kinds
 
     def with_folds(self, fold_of_pose):
-        """Return the PoseProblem with other folds of the poses, (n,)."""
+        """Return the PoseProblem with other folds: `fold_of_pose`, (n,), has the fold of each pose.
+
+        The fits of all poses are kept, as they do not depend on folds.
+        """
         problem = replace(self, fold_of_pose=fold_of_pose, _fits={})
         for effects, linearization in self._fits.items():
             evidence = linearization.evidence.with_folds(problem.row_folds)
@@ -167,10 +174,10 @@ class PoseProblem:
         return problem
 
     def with_formulas(self, formulas):
-        """Return the PoseProblem with more variants to try, which it tries after all others.
+        """Return the PoseProblem with formulas as further effects to try, after all others.
 
-        `formulas` has a tuple of variants, which are products of powers without a known cause, for
-        each kind of effect.
+        Formulas are products of powers of outputs; they have no known cause. `formulas` has a tuple
+        of variants for each kind of effect.
         """
         # the new problem shares the stored fits and derivatives; each kind is one more test
         count = self.tests + self.settings.family * len(formulas)
@@ -234,8 +241,8 @@ class PoseProblem:
     def patterns(self, effects):
         """Return for each effect the derivative of all N rows by its q parameters, (N, 1, q).
 
-        The result is a dict by effect. The derivatives are taken at the fit without effects, and
-        stored. The rows of the prior are the last ones.
+        The result is a dict; its keys are the effects. The derivatives are taken at the fit without
+        effects, and stored. The last rows belong to the prior.
         """
         new, first = [e for e in effects if e not in self._columns], len(self.joint_fit.names)
         factors = self.linearization(()).factors
@@ -246,31 +253,35 @@ class PoseProblem:
         return {effect: self._columns[effect] for effect in effects}
 
     def nearest_linearization(self, effects):
-        """Return the stored Linearization that has the most of some effects and no others.
+        """Return the stored Linearization whose effects are the largest part of `effects`.
 
-        The rows are taken as linear in the remaining effects, by the derivatives in the Evidence of
-        this Linearization. So effects that only a search without one fold chose need no new fit of
-        all poses.
+        It has no effects other than these. The rows are taken as linear in the effects that it
+        lacks, by the derivatives in its Evidence. So a fit without some fold, which may choose
+        other effects, needs no new fit of all poses.
         """
         subsets = [stored for stored in self._fits if set(stored) <= set(effects)]
         return self.linearization(max(subsets, key=len, default=()))
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit, the least-squares fit of the rows without the folds `held_out`.
+        """Return the TrainingFit: least squares of the rows without the folds in `held_out`.
 
-        The rows are linearised at a fit with effects of `base`, which are in the model already.
+        The rows are linearised at a fit that has the effects in `base`, or some of them.
         """
         return self.nearest_linearization(base).evidence.training_fit(held_out)
 
     def is_like_slow_noise(self, effect):
-        """Return whether an effect changes as slowly as slow noise, which may then hide it."""
+        """Return whether an effect may be taken for slow noise, a bool.
+
+        This holds for every effect of time or of temperature, as these change slowly.
+        """
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
-        """Return the Hypotheses of the one group of rows if its residuals were `values`, (N,).
+        """Return the noise hypotheses of other residuals of the rows, a list of one Hypotheses.
 
-        The two hypotheses are the noise as estimated, and the noise that is most likely for these
-        residuals. `base` has the effects in the model.
+        `values`, (N,), are these residuals. There are two hypotheses: the noise as estimated, and
+        the noise that is most likely for these residuals. The list has one entry because all rows
+        are one group. `base` has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
         likelihood = linearization.likelihood
@@ -279,10 +290,10 @@ class PoseProblem:
         return [Hypotheses.of(map(likelihood.covariance, squares))]
 
     def most_changed_rows(self, search, base, trial):
-        """Return the kind of residual that a trial changes most, and its rows, (N,) of bool.
+        """Return the kind of residual that an added effect changes most, and the mask of its rows.
 
-        Changes are compared in standard deviations of the noise. `base` has the effects that are in
-        the model already.
+        The mask is (N,) of bool. Changes are compared in standard deviations of the noise. `trial`
+        is the Trial of the effect, and `base` has the effects that are in the model already.
         """
         training_fit = search.training_fit(base)
         extended = (*base, trial.effect)
@@ -295,12 +306,13 @@ class PoseProblem:
     def covariance(self, effects):
         """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
-        It is the average over the noise hypotheses, the covariances that the noise may have,
-        weighted by their probability. The covariance under one hypothesis follows from generalised
-        least squares, times the reduced χ² if that is above one, plus the square of the difference
-        between the solution under this hypothesis and the fit. The constants of the effects, such
-        as time constants, are uncertain too: their logarithms count as further parameters with a
-        prior standard deviation of one.
+        It is averaged over the noise hypotheses, the covariances that the noise may have, weighted
+        by their probability. Under one hypothesis it has two terms. The first is the covariance by
+        generalised least squares, times the reduced χ² if that is above one. The second is the
+        square of the difference between the solution under this hypothesis and the fit.
+
+        The constants of the effects, such as time constants, are uncertain too: their logarithms
+        count as further parameters with a prior standard deviation of one.
         """
         linearization = self.linearization(effects)
         evidence, jacobian = linearization.evidence, linearization.jacobian
@@ -325,11 +337,11 @@ class PoseProblem:
         return covariance[:p, :p]
 
     def _constant_derivatives(self, effects, x):
-        """Return derivatives of all rows with respect to the logarithm of constants, (N,) each.
+        """Return the derivatives of all rows by the logarithms of constants, a list of (N,).
 
-        The list has one for each effect with a constant, such as a time constant, that the search
-        refines. It is the difference quotient for a factor of 1.05 on the constant. `x`, (p,), are
-        the parameters of the fit with these effects.
+        A constant is, for example, a time constant. The list has an entry for each effect with a
+        constant that the search refines. The derivative is the difference quotient for a factor of
+        1.05 on the constant. `x`, (p,), are the parameters of the fit with these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
         parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
@@ -344,8 +356,9 @@ class PoseProblem:
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.
 
-        It is the fit of all poses plus the linear change that the remaining rows give. The
-        covariance in the Fit is set to zero, since it is not used.
+        The fit is not iterated. It is the nearest fit of all poses, plus the linear change of its
+        parameters that the remaining rows ask for. The covariance in the Fit is set to zero, since
+        it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
         all_effects = (*self.nuisance_effects, *effects)
@@ -363,20 +376,21 @@ class PoseProblem:
 
 
 def split_by_effect(values, effects):
-    """Return a dict that has for each effect its part of the last axis of `values`.
+    """Return a dict that has the part of `values` that belongs to each effect.
 
-    The last axis, (q,), has the parameters of all effects, one effect after the other.
+    The last axis of `values`, (..., q), has the parameters of all `effects`, one effect after the
+    other. It is cut into the parameters of each effect.
     """
     ends = pairwise(np.cumsum([0, *(len(e.parameters) for e in effects)]))
     return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}
 
 
 def interleaved_folds(count, folds):
-    """Return the fold of each of `count` poses, (count,), with neighbours in different folds.
+    """Return the number of the fold of each of `count` poses, (count,) of int.
 
-    So a held-out pose is predicted by the poses before and after it. If there are at most four
-    `folds`, two neighbours share a fold: else too few neighbours would remain when this fold and a
-    second one are held out.
+    Neighbours are in different folds, so that a held-out pose is predicted by the poses before and
+    after it. If there are at most four `folds`, two neighbours share a fold. Otherwise too few
+    neighbours would remain when this fold and a second one are held out.
     """
     folds = min(folds, count)
     return np.arange(count) // (1 if folds > 4 else 2) % folds

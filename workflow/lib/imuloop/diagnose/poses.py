@@ -107,7 +107,7 @@ def pose_problem(joint_fit, recording, settings, tests, static=None):
 
 
 def diagnose_poses(problem, reasons):
-    """Search for effects of both sensors at the poses, and judge the residuals that remain.
+    """Return the effects that the poses of a device show, and the verdict on the residuals.
 
     If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
     itself. If the data of the accelerometer contradict each other, neither sensor gets a
@@ -165,9 +165,9 @@ def diagnose_poses(problem, reasons):
 
 
 def too_few(recording):
-    """Return the reasons, text by sensor, why there are too few poses or turns to test a sensor.
+    """Return the reasons why there are too few poses or turns to test a sensor, a dict of text.
 
-    A sensor that can be tested is not in the result.
+    The keys are the sensors that cannot be tested.
     """
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
     start, attitudes = "calibrated; too few", count_attitudes(recording.poses.f, APART)
@@ -184,10 +184,11 @@ def too_few(recording):
 
 
 def rejections(result):
-    """Return the reasons, text by sensor, why the calibration of a sensor is rejected.
+    """Return the reasons why calibrations are rejected, a dict of text by sensor.
 
-    It is rejected if the data of the sensor contradict each other, or if the sensor changed during
-    the recording, and the effects that were added do not explain this. `result` is a PoseResult.
+    A calibration is rejected if the data of the sensor contradict each other, or if the sensor
+    changed during the recording and the added effects do not explain the change. `result` is a
+    PoseResult.
     """
     rejected, recording = {}, result.problem.recording
     if result.solution is not None:
@@ -203,9 +204,10 @@ def rejections(result):
 
 
 def pose_products(recording, sensor):
-    """Return the Products, one product of powers of outputs each, to try on a sensor at poses.
+    """Return the Products to try on a sensor at poses, a tuple.
 
-    An accelerometer has products of specific force only: at rest the angular rate is zero.
+    Each Product is a product of powers of outputs. An accelerometer has products of specific force
+    only: at rest the angular rate is zero.
     """
     channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None

@@ -41,7 +41,7 @@ class PoseResult:
 
 
 def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
-    """Search for effects in a record and judge the residuals that remain.
+    """Return the effects that a record shows, and the verdict on the residuals that remain.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
-        Takes the name of a sensor and returns the Products to try, effects without a known cause.
-        They are tried if the residuals of the sensor, with all other effects in the model, are
-        above the floor, the errors that noise alone gives.
+        Takes the name of a sensor and returns Products, effects without a known cause. They are
+        tried if, with all other effects in the model, the model may still lack an effect
+        (`may_lack_effect`).
 
     Returns
     -------
@@ -82,7 +82,9 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
 
 
 def judge_residuals(choices, kinds_by_sensors):
-    """Compare the residuals of a record with their floors, the errors that noise alone gives.
+    """Return the comparison of all kinds of residuals of a record with their floors.
+
+    The floor is the held-out error that the noise alone gives.
 
     Parameters
     ----------
@@ -108,10 +110,11 @@ def judge_residuals(choices, kinds_by_sensors):
 
 
 def judge_sensors(choices, sensors, kinds, errors):
-    """Compare the residuals that judge some sensors with the errors that noise alone gives.
+    """Return the residuals that judge some sensors, compared with their floor.
 
-    These errors are the floor. Residuals 'before' are those without the effects that were added to
-    these sensors.
+    The floor is the held-out error that the noise alone gives. Residuals ``before`` come from a
+    model without the effects that were added to these sensors, residuals ``after`` from one with
+    all added effects.
 
     Parameters
     ----------
@@ -178,7 +181,7 @@ def judge_sensors(choices, sensors, kinds, errors):
 
 
 def compare_rows(problem, linearization, kinds, errors):
-    """Compare the residuals of a fit of all poses with the noise.
+    """Return the comparison of the residuals of a fit of all poses with the noise.
 
     Parameters
     ----------
@@ -213,7 +216,7 @@ def compare_rows(problem, linearization, kinds, errors):
 def undersampling_error(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    This error, and the error by all other noise, come from the noise as estimated.
+    Both errors are root mean squares by the noise as estimated.
 
     Parameters
     ----------
@@ -221,8 +224,8 @@ def undersampling_error(problem, linearization, floor):
     linearization : Linearization
         The fit of all poses.
     floor : float
-        Held-out error of the rotations that the noise alone gives, rad. Both errors together are
-        not larger than this floor.
+        Held-out error of the rotations that the noise alone gives, rad. The error by sampling is
+        reduced so that both errors together are not larger than this floor.
 
     Returns
     -------
@@ -251,9 +254,9 @@ def undersampling_error(problem, linearization, floor):
 
 
 def final_solution(problem, effects):
-    """Return the Fit of all poses with some effects, and the calibrations from it, by sensor.
+    """Return the Fit of all poses with some effects, and the calibration of each sensor by it.
 
-    The covariance of the calibrations includes the uncertainty of the noise.
+    The calibrations are a dict by sensor. Their covariance includes the uncertainty of the noise.
     """
     solution = problem.linearization(effects).solution
     return solution, problem.joint_fit.calibrations(solution, problem.covariance(effects))

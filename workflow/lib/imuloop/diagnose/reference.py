@@ -17,7 +17,9 @@ FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 
 
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
-    """Compare a device with the reference of the sessions that have one.
+    """Return the comparison of a device with the reference of the sessions that have one.
+
+    A reference is a measurement of the motion by other means, such as tracked markers.
 
     Parameters
     ----------
@@ -35,8 +37,8 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     Returns
     -------
     dict
-        Fields of diagnosis.json by sensor; empty without a session with a reference, and
-        “not testable” where too few windows can be compared.
+        Fields of diagnosis.json by sensor; empty without a session with a reference, and “not
+        testable” where too few windows can be compared.
     dict of str to ndarray
         Columns of reference.parquet.
     """
@@ -65,7 +67,7 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
 
 
 def _diagnose_sensor(set_up, windows, folds, settings, tests):
-    """Test the effects of the set-up on one sensor, and compare the residuals with their floor.
+    """Return the tested effects of the set-up on one sensor, and its residuals with their floor.
 
     The set-up is the offset of the clock, the mounting, the place of the marker and the biases. The
     floor is the error that noise alone gives.
@@ -134,12 +136,13 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
 
 
 def _by_session(set_up, windows, logs, calibration):
-    """Return bias b and mounting, a rotation vector m, rad, for each session.
+    """Return the bias and the mounting of a sensor in each session, a dict by session.
 
-    The bias is in nominal SI: raw readings by the nominal scale. The mounting rotates from the axes
-    of the IMU to the axes of the tracked body. The result has the fields of diagnosis.json by name
-    of the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs`
-    has the ReferenceLog of each session, and `calibration` is the SensorCalibration.
+    A value has the fields of diagnosis.json. The bias b is in nominal SI: raw readings by the
+    nominal scale. The mounting is a rotation vector m, rad, which rotates from the axes of the IMU
+    to the axes of the tracked body. `set_up` is the fit of the set-up, `windows` are the Windows of
+    the sensor, `logs` has the ReferenceLog of each session, and `calibration` is the
+    SensorCalibration.
     """
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))
@@ -155,7 +158,8 @@ def _by_session(set_up, windows, logs, calibration):
 def _parameters(units, values, covariance):
     """Return the fields of diagnosis.json for p parameters: values, standard errors and units.
 
-    `units` is a dict by parameter; `values`, (p,), and `covariance`, (p, p), are in these units.
+    `units` has the unit of each parameter by name; `values`, (p,), and `covariance`, (p, p), are in
+    these units.
     """
     std = np.sqrt(np.diag(covariance))
     values, std = (dict(zip(units, x.tolist(), strict=True)) for x in (values, std))

@@ -34,5 +34,5 @@ class DiagnoseSettings:
 
     @property
     def residual_significance(self):
-        """Significance for each kind of residual of a device."""
+        """Significance for one kind of residual: the significance divided among all kinds."""
         return self.significance / RESIDUALS / self.family

@@ -47,14 +47,15 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 
 @dataclass(frozen=True)
 class StaticFinding:
-    """The result of the search in the static records of one sensor."""
+    """The result of the search for effects in the static records of one sensor, with N rows."""
 
     choices: Choices  # the searches and the choice of effects
     reasons: dict  # status and reason of effects that cannot be tried
     effects: tuple  # FittedEffects that were added
-    # `effects`, and the best effect that passes the test but that cross-validation does not confirm
+    # `effects`, and then the best effect that passes the test, but fails cross-validation
     doubtful: tuple
-    # held-out errors without and with effects, (N, 3) each; effects are chosen without each fold
+    # held-out errors of a model without and with effects, (N, 3) each; the effects that predict a
+    # fold are chosen by the rows outside it
     errors: tuple
 
 
@@ -73,11 +74,11 @@ class StaticResult:
 
     @property
     def sensor_effects(self):
-        """The effects that a calibration can have, a list of SensorEffect."""
+        """The effects that a calibration can have, of both sensors, a list of SensorEffect."""
         return [SensorEffect(f.effect, s) for s, fitted in self.effects.items() for f in fitted]
 
     def information(self, effects):
-        """Return the information of static records about the q parameters θ of some effects.
+        """Return the knowledge of static records about q parameters θ of effects, A and b.
 
         Parameters
         ----------
@@ -88,8 +89,8 @@ class StaticResult:
         -------
         ndarray, shape (q, q), and ndarray, shape (q,)
             Fisher information A and moment b, SI: the logarithm of the likelihood of θ is
-            ``-θᵀ A θ/2 + bᵀ θ``. A parameter has zeros unless its effect is one that these records
-            showed, or one of the temperature.
+            ``-θᵀ A θ/2 + bᵀ θ``. The entries of a parameter are zero unless these records showed
+            its effect or the effect depends on the temperature.
         """
         ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
         A, b = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
@@ -108,14 +109,18 @@ class StaticResult:
 def static_tests(records, settings):
     """Return the number of tests of the static records of both sensors.
 
-    `records` has a list of StaticRecords for each sensor.
+    There is one test for each kind of effect. `records` has a list of StaticRecords for each
+    sensor.
     """
     used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
     return sum(len(static_candidates(sensor, r)[0]) for sensor, r in used.items() if r)
 
 
 def usable_records(records, settings):
-    """Return the StaticRecords that have at least two windows for each fold, a list."""
+    """Return the StaticRecords that have at least two windows per fold, a list.
+
+    `settings.blocks` is the number of folds.
+    """
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
 
@@ -136,7 +141,7 @@ def static_candidates(sensor, records):
 
 
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
-    """Search the static records of both sensors of a device for effects.
+    """Return the effects that static records show, for both sensors, and the noise without them.
 
     A static record has the means over windows of a long rest.
 
@@ -202,8 +207,10 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
 def why_untestable(records, axes, settings):
     """Return the reason, text, why the records of a sensor cannot be diagnosed, or None.
 
-    `records` are its StaticRecords, the means over windows of long rests. `axes` has the AxisNoise,
-    the coefficients of the noise, of each axis. `settings.blocks` is the number of folds.
+    Possible reasons are: there is no record, the noise of an axis is not known, or an axis never
+    changes. `records` are the StaticRecords, the means over windows of long rests. `axes` has the
+    AxisNoise, the coefficients of the noise, of each axis. `settings.blocks` is the number of
+    folds.
     """
     if not records:
         return (
@@ -222,11 +229,11 @@ def why_untestable(records, axes, settings):
 
 
 def search_records(sensor, records, settings, tests):
-    """Search the StaticRecords of a sensor for effects; return a StaticFinding.
+    """Return the StaticFinding of a sensor: the effects that its StaticRecords show.
 
-    A record has the means over windows of a long rest. Cross-validation holds out stretches of time
-    in all records. `settings` are the DiagnoseSettings, and `tests` is the number of tests that
-    share the significance.
+    A record has the means over windows of a long rest. Cross-validation holds out one fold at a
+    time: a stretch of time in every record. `settings` are the DiagnoseSettings, and `tests` is the
+    number of tests that share the significance.
     """
     variants_by_kind, reasons = static_candidates(sensor, records)
     # steps have no variants: a scan finds their times
@@ -256,7 +263,7 @@ def search_records(sensor, records, settings, tests):
 
 
 def static_content(sensor, finding, noise, noise_change):
-    """Return the fields of diagnosis.json about the static records of a sensor.
+    """Return the fields of diagnosis.json about the static records of a sensor, a dict.
 
     Parameters
     ----------
@@ -264,8 +271,8 @@ def static_content(sensor, finding, noise, noise_change):
     finding : StaticFinding
         Result of the search.
     noise : NoiseModel
-        Noise after the effects were subtracted; it gives the floor, the size of held-out errors
-        that noise alone gives.
+        Noise after the effects were subtracted. It gives the floor: the held-out error that the
+        noise alone gives.
     noise_change : dict
         Coefficients of the noise before and after this subtraction, by axis; empty without effects.
     """
@@ -314,12 +321,12 @@ def static_content(sensor, finding, noise, noise_change):
 
 
 def _floor(problem, covariances):
-    """Return the variance of the held-out errors that the noise as estimated gives, (N, 3).
+    """Return the variance of the held-out errors by the noise as estimated, (N, 3).
 
-    A held-out error is the mean over a window minus the level of its record. The level is the mean
-    of the training rows, weighted with `record.length`, the length of each window. `covariances`
-    has, for each record and axis, two covariances that the noise of the n means may have, (n, n)
-    each; the noise as estimated is the first.
+    There are N means over windows on three axes. A held-out error is the mean over a window minus
+    the level of its record. The level is the mean of the training rows, weighted with the length of
+    each window. `covariances` has a pair for each record and axis: two covariances that the noise
+    of the n means may have, (n, n) each. The noise as estimated is the first.
     """
     floors = []
     groups = zip(problem.records, problem.evidence.row_groups, covariances, strict=True)
@@ -334,11 +341,12 @@ def _floor(problem, covariances):
 
 
 def _residual_groups(problem, effects, errors, by_noise):
-    """Return the residuals after FittedEffects are subtracted, a ResidualGroup per record and axis.
+    """Return the residuals that remain after some effects, a ResidualGroup per record and axis.
 
-    `errors`, (N, 3), are the held-out errors with these effects. `by_noise` has, for each record
-    and each axis, two covariances that the noise of its n means may have, (n, n) each, and those
-    that their held-out errors have then.
+    `effects` are FittedEffects. `errors`, (N, 3), are the held-out errors with these effects.
+    `by_noise` has two lists for each record and each axis. The first has two covariances that the
+    noise of the n means may have, (n, n) each. The second has the covariances of the held-out
+    errors that follow from them.
     """
     split, groups = problem.evidence.split, problem.evidence.row_groups
     by_record = zip(groups, split(problem.subtract(effects)), split(errors), strict=True)
@@ -357,11 +365,12 @@ def _residual_groups(problem, effects, errors, by_noise):
 
 
 def _errors_by_session(axes, problem, errors, floor):
-    """Return the root mean square held-out errors without and with effects, and the floor, SI.
+    """Return the root mean square held-out errors of each session, and their floor, SI.
 
-    The result is a dict by session and axis. `axes` are the names of the axes. `errors` has the
-    held-out errors of the N means without and with effects, and `floor` their variance by the noise
-    alone, (N, 3) each.
+    The result is a dict by session, then by axis, then by ``before`` (without effects), ``after``
+    (with effects) and ``floor``. `axes` are the names of the axes. `errors` has the held-out errors
+    of the N means without and with effects, and `floor` their variance by the noise alone, (N, 3)
+    each.
     """
     squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
     # session of each of the N means
@@ -377,10 +386,11 @@ def _errors_by_session(axes, problem, errors, floor):
 
 
 def _points(problem, effects, errors, floor):
-    """Return a list with one dict per window: times, errors, floor and values, SI, for plots.
+    """Return the points of a plot of the held-out errors over time, a list with a dict per window.
 
-    `effects` are the added FittedEffects. `errors` has the held-out errors of the N means without
-    and with effects, and `floor` their variance by the noise alone, (N, 3) each.
+    A point has start, errors without and with effects, floor and values, SI. `effects` are the
+    added FittedEffects. `errors` has the held-out errors of the N means without and with effects,
+    and `floor` their variance by the noise alone, (N, 3) each.
     """
     split, points = problem.evidence.split, []
     norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]

@@ -83,10 +83,11 @@ class StaticData:
         return {name: Log.of(samples) for name, samples in self.samples.items()}
 
     def records(self, calibration, mean_time):
-        """Return the StaticRecords of each sensor, a list by sensor: one for each power cycle.
+        """Return the StaticRecords of each sensor, a list by sensor.
 
-        `calibration` computes the output ``K (raw - b)``. `mean_time`, s, is the wanted length of a
-        window; 0 gives the shortest windows that are allowed.
+        There is one record for each power cycle of each session. `calibration` computes the output
+        ``K (raw - b)``. `mean_time`, s, is the wanted length of a window; 0 gives the shortest
+        windows that are allowed.
         """
         by_sensor = {sensor: [] for sensor in SENSORS}
         for name, table in self.segments.items():
@@ -99,10 +100,10 @@ class StaticData:
         return by_sensor
 
     def subtract(self, effects, calibration):
-        """Return the sessions with the output of effects subtracted, a list of RecordedSession.
+        """Return the sessions after the output of effects is subtracted, a list of RecordedSession.
 
-        `effects` has the FittedEffects of each sensor, errors of the output ``K (raw - b)`` of the
-        sensor, which `calibration` computes.
+        `effects` has the FittedEffects of each sensor: errors of its output ``K (raw - b)``.
+        `calibration` computes this output.
         """
         sessions = []
         for name, samples in self.samples.items():
@@ -124,12 +125,15 @@ def read_static(sessions):
 
 
 def rests_to_use(kinds, segments):
-    """Return the segments that serve as static records of a device, by session.
+    """Return the segments that serve as static records of a device, a dict by session.
 
-    If there are static sessions that have a rest and no segment of motion, the result has all
-    segments of these sessions. Otherwise it has the longest rest of any session, if that rest lasts
-    `LONG_REST`; otherwise it is empty. `kinds` has the kind and `segments` the table of segments of
-    each session; the result has the `COLUMNS` of the segments of each session that is used.
+    1. A static session counts if it has a rest and no segment of motion. If there are such
+       sessions, the result has all of their segments.
+    2. Otherwise it has the longest rest of any session, if that rest lasts `LONG_REST`.
+    3. Otherwise it is empty.
+
+    `kinds` has the kind of each session, and `segments` its table of segments. The result has the
+    `COLUMNS` of the segments.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
@@ -148,13 +152,14 @@ def rests_to_use(kinds, segments):
 def static_records(session, log, segments, calibration, mean_time):
     """Return the StaticRecord of a session for each sensor, a dict by sensor.
 
-    Every window lies within one undisturbed stretch.
+    A record has the means over windows; every window lies within one undisturbed stretch.
 
     Parameters
     ----------
     session : str
         Name of the session.
     log : Log
+        Samples of the session.
     segments : dict of str to ndarray
         Segments of the session.
     calibration : Calibration
@@ -190,20 +195,22 @@ def static_records(session, log, segments, calibration, mean_time):
 
 
 def _mean_history(log, ends, sensor, function, *constants):
-    """Return the means over n windows, (n, …), of a function of the whole log and its constants.
+    """Return the means of a function of the whole log over each of n windows, (n, …).
 
-    The function takes the channels of the log on which effects of the sensor depend. `ends`,
-    (n, 2), has the indices of the first sample of each window and of the first after it.
+    The function takes the channels of the log that the effects of `sensor` depend on, and
+    `constants`. It serves effects with a memory, which depend on more than the present sample.
+    `ends`, (n, 2), has the index of the first sample of each window, and the index of the first
+    sample after it.
     """
     return _means(function(log.channels(sensor), *constants), ends)
 
 
 def _static_windows(log, segments, mean_time):
-    """Return the windows in the undisturbed stretches of a session, and the stretch of each.
+    """Return n windows in the undisturbed stretches of a session, and the stretch of each.
 
-    The windows are start and end, s, (n, 2), and the stretches an index, (n,). `log` is the Log and
-    `segments` the table of segments of the session; `mean_time` is the wanted length of a window,
-    s.
+    The windows, (n, 2), are start and end, s. The stretches, (n,), are indices of the static
+    segments of the session. `log` is the Log and `segments` the table of segments of the session;
+    `mean_time` is the wanted length of a window, s.
     """
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
@@ -221,24 +228,28 @@ def _static_windows(log, segments, mean_time):
 
 
 def _means(x, ends):
-    """Return the means of samples, (k, …), over n windows, (n, …).
+    """Return the means of the samples in each of n windows, (n, …).
 
-    `ends`, (n, 2), has the indices of the first sample of each window and of the first after it.
+    `x` are the samples, (k, …). `ends`, (n, 2), has the index of the first sample of each window,
+    and the index of the first sample after it.
     """
     return (sums_over(x, ends).T / (ends[:, 1] - ends[:, 0])).T
 
 
 def _evaluate(channels, function, *constants):
-    """Return the values of a function of the LoggedChannels of a log and its constants, (N, …)."""
+    """Return ``function(channels, *constants)``, (N, …), for the LoggedChannels of a log.
+
+    It serves effects with a memory, which depend on more than the present sample.
+    """
     return function(channels, *constants)
 
 
 def correct_samples(session, samples, log, calibration, effects):
-    """Return the samples of a session, by column, with the output of some effects subtracted.
+    """Return the samples of a session without the output of some effects, a dict by column.
 
-    `session` is the name of the session. `samples` and the result are in nominal SI, `log` is the
-    Log of the same samples. `calibration` computes the output ``K (raw - b)`` of each sensor, and
-    `effects` has the FittedEffects, errors of this output, by sensor.
+    `session` is the name of the session, and `log` the Log of its `samples`. Samples and result are
+    in nominal SI. `effects` has the FittedEffects of each sensor: errors of its output
+    ``K (raw - b)``. `calibration` computes this output.
     """
     t, columns = log.t, {name: np.array(samples[name], dtype=float) for name in CHANNELS}
     # at rest the effects see the mean output of each sensor

@@ -29,9 +29,9 @@ MOVED = 1e-3
 class StaticProblem:
     """The static records of one sensor, as a problem for `imuloop.estimate.choice.Choices`.
 
-    One of the N rows is the mean over one window, on the three axes of the sensor. Each record is a
-    group of rows with its own level, since bias and attitude change from one power cycle to the
-    next. Cross-validation holds out one fold, some of the rows, at a time.
+    A row is the mean over one window, on the three axes of the sensor; there are N rows. Each
+    record is a group of rows with its own level, since bias and attitude change from one power
+    cycle to the next. Cross-validation holds out one fold, some of the rows, at a time.
     """
 
     records: tuple  # StaticRecords; a session with several power cycles has several
@@ -54,11 +54,11 @@ class StaticProblem:
 
     @cached_property
     def fold_of_row(self):
-        """Fold of each row, (N,).
+        """Number of the fold of each row, (N,).
 
-        A fold is one stretch of time in each record; all folds of a record have equal time at rest.
-        A fold is at a different place in each record, so that the start of one record is predicted
-        from the starts of the others.
+        A fold is one stretch of time in each record, and all folds of a record have equal time at
+        rest. It is at a different place in each record, so that the start of one record is
+        predicted from the starts of the others.
         """
         folds = []
         for i, record in enumerate(self.records):
@@ -72,7 +72,8 @@ class StaticProblem:
     def evidence(self):
         """Evidence of all rows: their values, and the covariances that their noise may have.
 
-        These hypotheses are a grid of ratios of flicker and of random walk to white noise.
+        These covariances are the noise hypotheses. They come from a grid of two ratios: flicker and
+        random walk, each relative to white noise.
         """
         span = max(np.ptp(r.windows) for r in self.records)
         length = min(np.median(r.length) for r in self.records)
@@ -102,17 +103,21 @@ class StaticProblem:
 
     @property
     def values(self):
-        """All rows minus the mean of their record, (N, 3), SI."""
+        """All rows minus the mean of their record, (N, 3), SI: N windows on three axes."""
         return np.concatenate([g.values for g in self.evidence.row_groups])
 
     def subtract(self, effects):
-        """Return the `values` after FittedEffects are subtracted, (N, 3), SI."""
+        """Return the `values` without the output of some FittedEffects, (N, 3), SI."""
         designs = self.designs([fitted.effect for fitted in effects])
         outputs = (d @ fitted.vector for d, fitted in zip(designs, effects, strict=True))
         return self.values - sum(outputs, np.zeros(()))
 
     def designs(self, effects):
-        """Return for each effect the derivative of all rows by its p parameters, (N, 3, p), SI."""
+        """Return for each effect the derivative of all rows by its p parameters, (N, 3, p), SI.
+
+        The result is a list with one array per effect: N windows, three axes of the sensor, and p
+        parameters.
+        """
         return [
             np.concatenate([e.in_session(r.channels, r.session, r.windows) for r in self.records])
             for e in effects
@@ -121,15 +126,15 @@ class StaticProblem:
     def residuals(self, search, effects):
         """Return the residuals of all rows, (N, 3), SI, by a fit of effects to the training rows.
 
-        The training rows are those that `search`, a Search, does not hold out.
+        `search` is the Search, which says which rows are training rows.
         """
         training_fit = search.training_fit(effects)
         return np.column_stack([training_fit.residuals(effects, axis) for axis in range(3)])
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit, the least-squares fit to the rows without the folds `held_out`.
+        """Return the TrainingFit: least squares of the rows without the folds in `held_out`.
 
-        The fit does not depend on the effects in `base`, since the rows are linear in all effects.
+        It does not depend on the effects in `base`, since the rows are linear in all effects.
         """
         return self.evidence.training_fit(held_out)
 
@@ -137,31 +142,37 @@ class StaticProblem:
         """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
 
     def most_changed_rows(self, search, base, trial):
-        """Return the only kind of residual, and the mask of its rows, (N,) of bool: all rows.
+        """Return the only kind of residual, and a slice that selects all rows.
 
-        The arguments do not matter, since no trial can change another kind of residual.
+        The arguments do not matter, since a trial cannot change another kind of residual.
         """
         return "bias", slice(None)
 
     def is_like_slow_noise(self, effect):
-        """Return False: the grid of hypotheses has the slow noise that an effect may resemble."""
+        """Return False: no test has to be repeated with more slow noise.
+
+        The noise hypotheses already include the slow noise that an effect may resemble.
+        """
         return False
 
     def of_kind(self, kind):
-        """Return the rows of one kind of residual, (N,) of bool: all, since there is one kind."""
+        """Return the mask of the rows of one kind of residual, (N,) of bool: all rows.
+
+        There is only one kind.
+        """
         return np.ones(len(self.fold_of_row), dtype=bool)
 
 
 def ratios(span, length):
-    """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
+    """Return the grid of noise ratios to try, (g, 2), and the log prior of each, (g,).
 
-    N, B and K are the coefficients of white noise, flicker and random walk. The record has the
-    `span` S and windows of `length` τ, s. In mode k of the record, of k half waves, the variance of
-    flicker is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
-    ``N²/τ``. The grid has ratios for which the variance of slow noise is between half the variance
-    of white noise in the slowest mode and thirty times that variance in the middle mode. A ratio is
-    zero with the prior probability `ABSENT`; else the prior is uniform in the logarithm of the
-    ratio.
+    The ratios are ``B²/N²``, Hz, and ``K²/N²``, Hz². N, B and K are the coefficients of white
+    noise, flicker and random walk. The record has the `span` S and windows of `length` τ, s. In
+    mode k of the record, of k half waves, the variance of flicker is ``B² S/(π k τ)`` and the
+    variance of random walk ``K² S²/(π² k² τ)``; white noise has ``N²/τ``. The smallest ratio makes
+    slow noise half as large as white noise in the slowest mode. The largest makes it thirty times
+    as large in the middle mode. A ratio is zero with the prior probability `ABSENT`; else the prior
+    is uniform in the logarithm of the ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
@@ -176,10 +187,11 @@ def ratios(span, length):
 
 
 def hypotheses(windows, grid):
-    """Return the Hypotheses of means over n windows: g covariances that their noise may have.
+    """Return the Hypotheses of the means over n windows: g covariances of their noise.
 
-    `windows`, (n, 2), are start and end of each window, s. `grid`, (g, 2), has the ratios
-    ``B²/N²``, Hz, and ``K²/N²``, Hz², of flicker and random walk to white noise, which has N = 1.
+    `windows`, (n, 2), are start and end of each window, s. `grid`, (g, 2), has for each covariance
+    the ratios ``B²/N²``, Hz, and ``K²/N²``, Hz², of flicker and of random walk to white noise.
+    White noise has N = 1.
     """
     one = Coefficient(1.0)
     white, flicker, walk = (AxisNoise(**{n: one}).mean_covariance(windows) for n in "NBK")
@@ -187,10 +199,10 @@ def hypotheses(windows, grid):
 
 
 def fitted_effects(search, effects):
-    """Return a FittedEffect for each of some effects, fitted together to the records, a tuple.
+    """Return the parameters of some effects of static records, a tuple of FittedEffect, or None.
 
-    The result is None if the rows of an axis do not determine the parameters. `search` is the
-    Search of the records.
+    The effects are fitted together to all rows. The result is None if the rows of an axis do not
+    determine the parameters. `search` is the Search of the records.
     """
     training_fit, estimates = search.training_fit(effects), []
     evidence = training_fit.evidence
@@ -214,14 +226,14 @@ def fitted_effects(search, effects):
 
 
 def information(search, base, effects):
-    """Return the information of static records about the q parameters θ of some effects.
+    """Return the knowledge of static records about q parameters θ of some effects, A and b.
 
-    On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
-    the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as the errors of a fit of the effects to the records: κ is the largest ratio of
-    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
-    the noise hypotheses, the covariances that the noise may have. The result is the sum over all
-    axes.
+    On each axis ``A = Dᵀ P̃ D/κ``. D is the derivative of the rows with respect to θ, and P̃ is the
+    precision of the noise after the levels of the records are projected out. κ is a factor on the
+    variance: it makes the errors as large as the errors of a fit of the effects to the records. κ
+    is the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D. Σ is the noise
+    covariance averaged over the noise hypotheses, the covariances that the noise may have. The
+    result is the sum over all axes.
 
     Parameters
     ----------
@@ -268,10 +280,10 @@ def information(search, base, effects):
 def cut_at_tilts(records, least):
     """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
-    A tilt changes the means of an accelerometer, but it is not an effect of the sensor. A record is
-    cut at a disturbance if the means before and after it differ by more than the noise, slow noise
-    included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
-    is left out. A record has the means over windows of one rest.
+    A record has the means over windows of one rest. A tilt changes the means of an accelerometer,
+    but it is not an effect of the sensor. A disturbance counts as a tilt if the means before and
+    after it differ by more than the noise, slow noise included, but have the same magnitude of
+    gravity. A piece with fewer than `least` windows is left out.
     """
     steps = [Steps((t,), (r.session,)) for r in records for t in _disturbances(r)]
     if not steps:
@@ -306,12 +318,12 @@ def cut_at_tilts(records, least):
 
 
 def is_tilt(jump, level):
-    """Return whether a jump of specific force may be a tilt, which keeps its magnitude.
+    """Return whether a jump of specific force may be a tilt, which keeps the magnitude.
 
-    `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
-    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. The jump counts as
-    a tilt if this term is within three standard errors of zero, so a jump along gravity is not a
-    tilt.
+    `jump` is the FittedEffect of the jump h, and `level` the specific force f before it, (3,),
+    m/s^2. ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. The jump
+    counts as a tilt if this term is within three standard errors of zero. So a jump along gravity
+    is not a tilt.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)
@@ -320,9 +332,10 @@ def is_tilt(jump, level):
 
 
 def _disturbances(record):
-    """Return the times, s, of disturbances with enough windows just before and after them, a list.
+    """Return the times of the disturbances of a record, s, a list.
 
-    The time of a disturbance is the start of the undisturbed stretch that follows it.
+    A disturbance counts if there are at least `BESIDE` windows in the undisturbed stretch before it
+    and in the one after it. Its time is the start of the stretch after it.
     """
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))

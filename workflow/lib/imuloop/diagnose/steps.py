@@ -20,14 +20,16 @@ MOST_TIMES, CLOSE = 50, 0.01
 
 
 def best_steps(search, base, may_give_up=False):
-    """Return the Trial, the significance test, of the best number of steps of the bias, or None.
+    """Return the Trial, the significance test, of the best steps of the bias, or None.
 
-    `search` is the Search of static records, which have the means over windows of a rest. Steps are
-    added one by one, each at the time that is clearest with the others in the model. The search
-    ends if one more step does not lower log p. A single one of two steps may not be significant,
-    because the other looks like a random walk: so a second step is tried even then. With
-    `may_give_up` the result is None if log p of the first step, corrected for the number of times
-    and axes, is above `HOPELESS`. `base` has the effects that are in the model already.
+    `search` is the Search of static records, which have the means over windows of a rest. `base`
+    has the effects that are in the model already. Steps are added one by one, each at the time that
+    is clearest with the others in the model. The search ends if one more step does not lower log p.
+    A second step is tried even if the first one is not significant: as long as the model lacks the
+    second step, it looks like a random walk, which can hide the first.
+
+    If `may_give_up` is true, the result is None if the first step is hopeless: its log p, corrected
+    for the number of times and axes, is above `HOPELESS`.
     """
     best, steps, log_tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
@@ -48,12 +50,12 @@ def best_steps(search, base, may_give_up=False):
 
 
 def most_promising_step(search, base, earlier=()):
-    """Return log p of the step that an axis shows most clearly, the step, and the number of times.
+    """Return log p of the clearest step, the step itself, and how many times were tried.
 
-    `search` is the Search of static records, which have the means over windows of a rest. Windows
-    close to the `earlier` steps are not tried. The number counts all times that were tried. The
-    step is None if no window is left. `base` has the effects that are in the model, the earlier
-    steps included.
+    The clearest step has the smallest p-value on one axis, of all times and axes. The step is None
+    if no window is left. `search` is the Search of static records, which have the means over
+    windows of a rest. `base` has the effects that are in the model, the `earlier` steps included.
+    Windows close to the earlier steps are not tried.
     """
     # log p, axis and step; the first entry stands for the case without a step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
@@ -108,12 +110,16 @@ def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
     Times in the middle of the poses are tried first, then times ever closer to the best of them,
-    since a step may lie within a pose or between two. This is done twice: with the noise as
-    estimated, and averaged over all noise hypotheses. Under the likeliest noise of a fit without
-    the step, the residuals that the step causes would count as noise. But if a hand trembles, the
-    noise as estimated is far too small, and hardly tells one time from another. `base` has the
-    effects that are in the model already. `may_give_up` changes nothing: the first times are quick
-    to test.
+    since a step may lie within a pose or between two. This search for the time is done twice,
+    because each way can fail:
+
+    - With the noise averaged over all noise hypotheses: under the likeliest noise without a step,
+      the residuals that the step causes would count as noise.
+    - With the noise as estimated: if a hand trembles, this noise is far too small, and hardly tells
+      one time from another.
+
+    `base` has the effects that are in the model already. `may_give_up` changes nothing: the first
+    times are quick to test.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:
@@ -132,12 +138,12 @@ def pose_step(sensor, search, base, may_give_up=False):
 
 
 def _refine_time(sensor, search, base, times, log_tries, hypotheses):
-    """Return the step of a sensor's bias, a SensorEffect, at the time that is clearest, or None.
+    """Return the step of a sensor's bias at the clearest time, a SensorEffect, or None.
 
     The `times`, s, are tried first. If the best of them is clearer than chance, times ever closer
     to it are tried, until they differ by `CLOSE`. The result is None if no step can be estimated.
-    `base` has the effects in the model, `log_tries` is the logarithm of the number of tries, and
-    `hypotheses`, (h,) of bool, the mask of the noise hypotheses by which the times are compared.
+    `base` has the effects in the model, and `log_tries` is the logarithm of the number of tries.
+    `hypotheses`, (h,) of bool, is the mask of the noise hypotheses by which times are compared.
     """
     spacing = np.diff(times).max() / 2
     while True:
@@ -154,9 +160,9 @@ def _refine_time(sensor, search, base, times, log_tries, hypotheses):
 
 
 def span_between(time, windows):
-    """Return the middle and the length, s, of the gap between two windows that a time lies in.
+    """Return the middle and the length of the gap between windows that a time lies in, s.
 
-    The data cannot tell two step times in one gap apart. A time within a window is returned
+    The data cannot tell two times of a step in one gap apart. A time within a window is returned
     unchanged, with length zero. `windows`, (n, 2), has start and end of each of n windows, s.
     """
     after = np.searchsorted(windows[:, 1], time, side="right")
@@ -167,10 +173,10 @@ def span_between(time, windows):
 
 
 def _chi_square_drops(score, information):
-    """Return by how much χ² falls when each of f columns is added alone, (f,).
+    """Return for each of f columns by how much χ² falls if it alone is added, (f,).
 
-    `score`, (f,), are the products of columns and residuals, and `information`, (f,), the squares
-    of the columns, in the metric of the precision.
+    `score`, (f,), are the products of each column and the residuals, and `information`, (f,), the
+    squares of the columns. Both are weighted with the precision of the noise.
     """
     # a column that the level of the record explains has a square of rounding errors only
     shown = information > 1e-9 * information.max()

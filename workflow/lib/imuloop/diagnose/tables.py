@@ -40,19 +40,19 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
 def residual_columns(problem, kinds, errors, floor):
-    """Return the columns of some kinds of residuals, a dict of arrays in SI.
+    """Return the columns of some kinds of residuals for a table, a dict of arrays in SI.
 
     Each column has an entry per pose or move.
 
     Parameters
     ----------
     problem : PoseProblem
-        Problem with N rows.
+        Problem with N rows, one for each component of a residual.
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
-        Four errors of each row: held out without and with the added effects, then in the fit
-        without and with them.
+        Four errors of each row: the held-out error without and with the added effects, then the
+        residual of the fit without and with them.
     floor : ndarray, shape (N,)
         Variance of the held-out errors that the noise alone gives.
     """
@@ -114,7 +114,7 @@ def moves_table(recording, names, gyroscope, force, residuals):
 
 
 def no_tables():
-    """Return the tables without rows, by name, for a device with nothing to diagnose."""
+    """Return the tables without rows, a dict by name, for a device with nothing to diagnose."""
     return {
         name: {column: np.zeros(0, kind) for column, kind in columns.items()}
         for name, columns in (("poses", POSES), ("moves", MOVES), ("reference", REFERENCE))
@@ -122,7 +122,9 @@ def no_tables():
 
 
 def _place(poses, indices, names, times):
-    """Return the columns session, number of the pose in the session, start and end, s, a dict.
+    """Return the columns that say where a pose or move is, a dict of arrays.
+
+    They are session, number of the pose in the session, start and end, s.
 
     Parameters
     ----------

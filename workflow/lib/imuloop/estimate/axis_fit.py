@@ -11,12 +11,14 @@ from scipy.special import betainc, betaln, softmax
 
 @dataclass(frozen=True)
 class Fit:
-    """Least squares of one axis, under each of h noise hypotheses.
+    """Least-squares fits of the residuals on one axis: one fit under each noise hypothesis.
 
-    A noise hypothesis is one covariance that the noise of the rows may have. The fit estimates the
-    coefficients of k columns: the derivatives of the residuals with respect to the parameters of
-    effects, each scaled to length one. An instance without coefficients may also stand for m fits
-    with the same degrees of freedom: then all arrays (h,) are (h, m).
+    A noise hypothesis is one of h covariances that the noise of the residuals may have. Each fit
+    estimates the coefficients of k columns. A column is the derivative of the residuals with
+    respect to one parameter of an effect, scaled to length one.
+
+    An instance can also stand for m models with equal degrees of freedom, which are then tested at
+    once. In this case all arrays (h,) have the shape (h, m), and the last three fields are None.
     """
 
     chi2: np.ndarray  # (h,): χ² of the residuals
@@ -32,20 +34,28 @@ class Fit:
 
     @property
     def scale(self):
-        """Factor s, (h,), by which the fit multiplies the covariance of each noise hypothesis.
+        """Estimated factor s on the covariance of each noise hypothesis, (h,).
 
-        It is the reduced χ², or the lower limit `least_scale` if that is larger.
+        It is the reduced χ² under this hypothesis, or the lower limit `least_scale` if that is
+        larger.
         """
         return np.maximum(self.least_scale, self.chi2 / self.dof)
 
     @property
     def loss(self):
-        """Term ``(dof log s + χ²/s)/2`` of minus the log likelihood, (h,), with s from `scale`."""
+        """The part of minus the log likelihood that depends on the residuals, (h,).
+
+        For each noise hypothesis it is ``(dof log s + χ²/s)/2``, with the factor s on the
+        covariance from `scale`.
+        """
         return (self.dof * np.log(self.scale) + self.chi2 / self.scale) / 2
 
     @property
     def log_probability(self):
-        """Logarithm of restricted likelihood times prior of each noise hypothesis, (h,)."""
+        """Logarithm of likelihood times prior of each noise hypothesis, (h,), up to a constant.
+
+        The likelihood is the restricted one: the fitted parameters are integrated out.
+        """
         return self.log_prior - self.loss
 
     @property
@@ -70,15 +80,15 @@ class Fit:
 def scaled_inverse(matrix):
     """Return the inverse, (p, p), of a positive definite matrix, (p, p).
 
-    It is computed from the matrix scaled to ones on the diagonal, as parameters of different units
-    would make it ill-conditioned.
+    The matrix is scaled to ones on its diagonal before it is inverted. Otherwise parameters of
+    different units would make it ill-conditioned.
     """
     size = np.sqrt(np.diag(matrix))
     return np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
 
 
 def combine_axes(count, estimates):
-    """Combine the estimates of p parameters from several axes.
+    """Return p parameters and their covariance, averaged over the axes that estimate them.
 
     Each axis a has estimates θ_a of some of the parameters, with the covariance C_a. Parameters
     that several axes estimate are averaged with the weights C_a⁻¹: ``C = (Σ C_a⁻¹)⁻¹`` and
@@ -118,13 +128,13 @@ def combine_axes(count, estimates):
 
 
 def log_f_tail(statistic, q, dof):
-    """Return the natural log of the upper tail probability of an F distribution.
+    """Return the natural log of the p-value of an F statistic, its upper tail probability.
 
-    The distribution has q and `dof` degrees of freedom. `statistic` is F, a float or an array; the
-    result has its shape. The tail probability is ``I_x(a, b)``, the regularised incomplete beta
-    function, with ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. A tail that is too small
-    for a floating point number is replaced by the leading term of this function, which is ``x^a
-    (1-x)^(b-1) / (a B(a, b))``.
+    `statistic` is F, a float or an array; the result has its shape. By chance alone F has an F
+    distribution with `q` and `dof` degrees of freedom. The p-value is ``I_x(a, b)``, the
+    regularised incomplete beta function, with ``x = dof/(dof + q F)``, ``a = dof/2`` and
+    ``b = q/2``. A p-value that is too small for a floating point number is replaced by the leading
+    term of this function, ``x^a (1-x)^(b-1) / (a B(a, b))``.
     """
     a, b = dof / 2, q / 2
     x = dof / (dof + q * np.asarray(statistic, dtype=float))
@@ -139,18 +149,18 @@ def log_f_tail(statistic, q, dof):
 
 
 def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
-    """Return the logarithm of the p-value of the q parameters that only one of two fits has.
+    """Return the log p-value of q parameters, from a fit without them and a fit with them.
 
-    Under each of h noise hypotheses, covariances that the noise may have, the F test gives an exact
-    p-value. The p-values are averaged with the probabilities of the hypotheses in the fit with the
-    parameters. So an effect that is as smooth as slow noise is not significant if the data cannot
-    exclude this noise.
+    Under each of h noise hypotheses, covariances that the noise may have, the F test of the two
+    fits gives an exact p-value. The result is the average of these p-values. Each weight is the
+    probability of the hypothesis in the fit with the parameters. So an effect that changes as
+    slowly as slow noise is not significant unless the data exclude this noise.
 
-    If other data say how large the noise is (`least_scale` above zero), the average also includes
-    the probabilities in the fit without the parameters, because q parameters fit some of the noise,
-    too. The fit without the parameters gets the weight that Schwarz's criterion ``ln L - q/2 ln n``
-    gives it against the other fit, with the likelihood L and n degrees of freedom, but at most one
-    half.
+    If other data say how large the noise is (`least_scale` above zero), there is a second set of
+    weights: the probabilities in the fit without the parameters. They count because q parameters
+    also fit some of the noise. Schwarz's criterion ``ln L - q/2 ln n``, with the likelihood L and n
+    degrees of freedom, compares the two fits and so gives the share of the second set. This share
+    is at most one half.
 
     Parameters
     ----------
@@ -185,11 +195,11 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 
 
 def log_p_values(pairs, hypotheses=slice(None)):
-    """Return for each pair of fits the log p-value of the parameters that only the second fit has.
+    """Return the log p-values of several F tests, a list with one float for each pair of fits.
 
-    `pairs` is a list of (Fit, Fit): the fit without some parameters and the fit with them. The
-    result is a list of float. The p-value is averaged over the noise hypotheses in the mask
-    `hypotheses`, (h,) of bool; all by default.
+    `pairs` is a list of (Fit, Fit). Each pair tests some parameters: the first fit lacks them, the
+    second has them. The p-value is averaged over the noise hypotheses that the mask `hypotheses`,
+    (h,) of bool, selects; all by default.
     """
     # by degrees of freedom of both fits, the indices of the pairs
     log_p, groups = [None] * len(pairs), {}
@@ -206,9 +216,9 @@ def log_p_values(pairs, hypotheses=slice(None)):
 
 
 def _stack(fits):
-    """Return one Fit of m fits of equal degrees of freedom, with arrays (h, m).
+    """Return one Fit that holds m fits with equal degrees of freedom.
 
-    h is the number of noise hypotheses.
+    Its arrays have the shape (h, m): h noise hypotheses, m fits.
     """
     chi2, log_prior = (
         np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")

@@ -25,11 +25,11 @@ class Choice:
 
 
 class Choices(Search):
-    """The choice of effects for the rows of a problem, by searches and by cross-validation.
+    """The choice of the effects that a model needs, by significance tests and cross-validation.
 
-    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. A
-    problem has the rows (scalar residuals) of one kind of record; the folds, groups of rows that
-    are held out together; and the variants to try, effects with values of their constants.
+    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
+    the rows, scalar residuals of one kind of record. It also has the folds, groups of rows that are
+    held out together, and the variants to try, effects with values of their constants.
     """
 
     def __init__(self, problem):
@@ -37,18 +37,21 @@ class Choices(Search):
         self._searches, self._errors, self._choice = {}, {}, None
 
     def search(self, held_out):
-        """Return the Search in the rows that are in no fold of `held_out`, a frozenset of int."""
+        """Return the Search that uses only the rows outside some folds.
+
+        `held_out`, a frozenset of int, has the numbers of these folds. Each Search is stored.
+        """
         if held_out not in self._searches:
             self._searches[held_out] = Search(self.problem, held_out)
         return self._searches[held_out]
 
     def errors(self, choose_effects):
-        """Return the held-out error of every row on each axis, (N, a), SI.
+        """Return the held-out errors of all N rows on a axes, (N, a), SI.
 
-        A row is one scalar residual per axis; there are N rows and a axes. A fold has the rows that
-        are held out together. Each row is predicted by a fit to the rows of the other folds.
-        `choose_effects` is a function that takes the Search in these rows and returns the effects
-        of the fit, a tuple. The errors of rows of no fold are nan.
+        A row is one scalar residual per axis. A fold has the rows that are held out together. Each
+        fold is predicted by a fit to the rows outside it. The effects in this fit may depend on the
+        fold: `choose_effects` is a function that takes the Search in the rows outside the fold and
+        returns the effects, a tuple. The errors of rows that belong to no fold are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
@@ -64,16 +67,17 @@ class Choices(Search):
         return errors
 
     def errors_with(self, kinds):
-        """Return the held-out errors, (N, a), SI, of models with effects of some kinds, a tuple.
+        """Return the held-out errors, (N, a), SI, of a model with one effect of each of some kinds.
 
-        For each fold, the constants of the effects are chosen by the other rows alone.
+        There are N rows on a axes. `kinds` is a tuple. The constants of the effects, such as a time
+        constant, are chosen again for each fold, by the rows outside it.
         """
         if kinds not in self._errors:
             self._errors[kinds] = self.errors(lambda search: search.effects_of_kinds(kinds))
         return self._errors[kinds]
 
     def choice(self):
-        """Return the Choice of effects by all rows. It is computed once.
+        """Return the Choice, the effects that the model needs by all rows. It is computed once.
 
         1. The effect with the smallest p-value is added if it lowers the held-out error. If no
            effect does so alone, two effects are added together if the pair does.
@@ -101,11 +105,11 @@ class Choices(Search):
         Returns
         -------
         tuple of Effect
-            `effects`, which are in the model already, and the next ones; `effects` itself if none
-            lowers the held-out errors with confidence.
+            `effects`, which are in the model already, and the next ones. If no effect and no pair
+            lowers the held-out errors with confidence, this is `effects` itself.
         dict
-            The effects that were tried and failed: by kind, the 95 % interval, [low, high], of the
-            ratio of held-out errors with the effect to those without.
+            The effects that were tried and failed. By kind of effect it has the 95 % interval,
+            [low, high], of the ratio of held-out errors, with the effect over without it.
         """
         failed = {}
         while best := self.best_trial(effects, [k for k in self.kinds if k not in failed]):
@@ -125,27 +129,29 @@ class Choices(Search):
     def _extend(self, effects, trial, *further):
         """Return a model with more effects, a tuple, and the ErrorChange by the addition.
 
-        `effects` are in the model already, `trial` is the Trial of the first effect to add, and
-        `further` are other effects to add. The constants of all but the last are chosen again.
+        `effects` are in the model already, and `trial` is the Trial of the effect to add. `further`
+        are other effects to add with it. The constants of all effects but the last are chosen
+        again.
         """
         extended = self.with_best_variants((*effects, trial.effect, *further))
         self.problem.refit(extended)
         return extended, self._error_change(effects, trial, extended)
 
     def _confirm(self, effects, failed):
-        """Test each of the `effects` with all others in the model, until one fails.
+        """Return the effects and their tests, or the effects without the first one that fails.
 
-        An effect fails if its addition to the others does not lower the held-out error, or if it
-        cannot be estimated next to the others.
+        Each of the `effects` is tested with all others in the model. It fails if its addition to
+        the others does not lower the held-out error, or if it cannot be estimated next to the
+        others.
 
         Returns
         -------
         tuple of Effect
-            The effects without the one that failed.
+            All effects; without the one that failed, if one did.
         dict of Effect to Trial, or None
-            The test of each effect; None if one effect failed. If an effect fails by the held-out
-            error, the 95 % interval of its error ratio is stored in the argument `failed`, a dict
-            by kind of effect.
+            The test of each effect; None if one effect failed. If it failed by the held-out error,
+            the 95 % interval of its error ratio is stored in the argument `failed`, a dict by kind
+            of effect.
         """
         trials = {}
         # effects of time are tested, and so removed, before effects of temperature
@@ -170,9 +176,10 @@ class Choices(Search):
         """Return the ErrorChange from a model with `effects` to one with the `extended` effects.
 
         `trial` is the Trial of an effect that only the second model has. The ratio of held-out
-        errors is taken on the axis on which the trial has the smallest p-value. If this axis does
-        not show that the errors fall, but all axes together do, the ratio is taken over all axes.
-        The errors of each axis are then divided by their root mean square without the effect.
+        errors is taken on the axis on which the trial has the smallest p-value. There is one
+        exception: if this axis does not show that the errors fall, but all axes together do, the
+        ratio is taken over all axes. The errors of each axis are then divided by their root mean
+        square without the effect.
         """
         problem = self.problem
         try:
@@ -203,7 +210,8 @@ class Choices(Search):
     def nested_choice(self, search):
         """Return the effects that are significant in the training rows of a Search, a tuple.
 
-        Only the kinds of effects that the choice by all rows adds are tried. The training rows
-        alone determine which of these effects are significant, and their constants and sizes.
+        With this function as its rule, `errors` gives held-out errors of the chosen model. The
+        search tries only the kinds of effects that the choice by all rows adds. The training rows
+        alone decide which of them are significant, and give their constants and sizes.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

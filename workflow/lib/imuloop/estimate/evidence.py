@@ -25,7 +25,7 @@ class Hypotheses:
 
     @classmethod
     def of(cls, covariances):
-        """Return the Hypotheses with the h covariances of an iterable, arrays (n, n)."""
+        """Return the Hypotheses for h covariances, an iterable of arrays (n, n)."""
         inverses, log_det = [], []
         for covariance in covariances:
             inverse, root = precision(covariance)
@@ -34,10 +34,10 @@ class Hypotheses:
         return cls(np.array(inverses), np.array(log_det))
 
     def weighted_sum(self, weights):
-        """Return the weighted sum, (n, n), of the h covariances; `weights` has the shape (h,).
+        """Return the sum of the h covariances, (n, n), each multiplied by its weight.
 
-        Only the inverses are stored, so each covariance is recomputed; those with a negligible
-        weight are skipped.
+        `weights`, (h,), has the weights. Only the inverses are stored, so each covariance is
+        recomputed. Covariances with less than 1e-9 of the largest weight are skipped.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -63,9 +63,9 @@ class RowGroup:
 class Pattern:
     """The derivative of all N rows, on a axes, with respect to the q parameters of an effect.
 
-    The effect has values of its constants, such as a time constant: it is one variant of its kind
-    of effect. `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for
-    each parameter that its rows depend on.
+    On one axis a parameter gives one column, (N,), unless no row of this axis depends on it.
+    `columns`, `parameters` and `scale` have one entry per axis, which describes the columns there.
+    The effect has values of its constants, such as a time constant.
     """
 
     effect: object  # the Effect or SensorEffect, with its constants
@@ -122,8 +122,9 @@ class Evidence:
         """Store k columns, the array `vectors`, (k, N), and return their numbers, a tuple of int.
 
         A column is the derivative of the N rows (scalar residuals) with respect to one parameter,
-        or the residuals themselves. The product of each column with the precision of each group of
-        rows is stored, too. A column that is stored already keeps its number.
+        or the residuals themselves. A column that is stored already keeps its number. Products of
+        the columns with the precision, the inverse covariance, of each group of rows are stored,
+        too.
         """
         new, numbers = [], []
         for vector in vectors:
@@ -145,23 +146,24 @@ class Evidence:
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return the products of the precision of row group i and k columns there, (h, k, n).
+        """Return k stored columns multiplied by the precision of one group of rows, (h, k, n).
 
-        The group has n rows, and a precision (inverse covariance) for each of h noise hypotheses.
-        `numbers` are the numbers of the columns.
+        `i` is the index of the group. Its n rows have a precision, the inverse covariance, for each
+        of h noise hypotheses. `numbers` are the numbers of the k columns.
         """
         # for many small arrays this takes half the time of `np.stack`
         return np.array([self._weighted[i][c] for c in numbers]).swapaxes(0, 1)
 
     def matrix(self, numbers):
-        """Return the k stored columns with the numbers `numbers`, (N, k)."""
+        """Return k stored columns as a matrix, (N, k); `numbers` are their numbers."""
         columns = [self.columns[c] for c in numbers]
         return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
     def patterns(self, effects):
-        """Return the Pattern of each of some effects, a tuple, and store its columns.
+        """Return the Pattern of each of some effects, a tuple, in the order of `effects`.
 
-        The pattern is the derivative of all rows with respect to the parameters of the effect.
+        A pattern is the derivative of all rows with respect to the parameters of the effect. Its
+        columns are stored in the Evidence.
         """
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._patterns]
         for effect, design in zip(new, self.designs(new) if new else (), strict=True):
@@ -181,12 +183,13 @@ class Evidence:
     def columns_of(self, effects, axis):
         """Return the numbers of all columns that some effects have on one axis, a tuple of int.
 
-        There is a column for each parameter that the rows of the axis, an index, depend on.
+        `axis` is the index of the axis. A parameter has a column if the rows of this axis depend on
+        it.
         """
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def parameters_of(self, effects, axis):
-        """Return the parameters that the columns of some effects on one axis belong to.
+        """Return which parameter each column of some effects on one axis belongs to, and its norm.
 
         `axis` is the index of the axis, on which the effects have k columns.
 
@@ -223,11 +226,11 @@ class Evidence:
         return replace(self, row_groups=[replace(g, row_folds=folds) for g, folds in pairs])
 
     def held_out_variance(self, hypothesis):
-        """Return the variance of the held-out error of each row, (N,), by the noise alone.
+        """Return the variance of the held-out error of each row, (N,), in data with noise alone.
 
-        Each fold is predicted by a fit of the nuisance parameters, without effects, to the other
-        rows. `hypothesis` is the index of the noise hypothesis, from which both the covariance of
-        the noise and the weights of the fits come.
+        Each fold is predicted by a fit to the rows outside it. The fit has the nuisance parameters
+        and no effects. `hypothesis` is the index of a noise hypothesis. It gives both the
+        covariance of the noise and the weights of the fits.
         """
         if hypothesis not in self._variances:
             variances = []
@@ -241,9 +244,11 @@ class Evidence:
         return self._variances[hypothesis]
 
     def training_fit(self, held_out=frozenset()):
-        """Return the TrainingFit, least squares of the rows that depend on no fold in `held_out`.
+        """Return the TrainingFit, least squares of the rows that remain if some folds are held out.
 
-        `held_out` is a frozenset of folds; by default all rows are fitted.
+        `held_out` is a frozenset of the numbers of these folds; by default all rows are fitted. A
+        row is left out if it belongs to one of the folds, or depends on one. Each TrainingFit is
+        stored.
         """
         if held_out not in self._training_fits:
             masks = (np.isin(g.row_folds, list(held_out)).any(axis=1) for g in self.row_groups)
@@ -256,5 +261,5 @@ class Evidence:
         self._training_fits.clear()
 
     def split(self, rows):
-        """Return the part, (n, …), of an array `rows`, (N, …), that each group of rows has."""
+        """Return a list with the rows of each group, (n, …), from an array of all rows, (N, …)."""
         return np.split(rows, self._ends)

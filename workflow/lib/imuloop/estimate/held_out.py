@@ -17,20 +17,20 @@ SINGULAR = 1e-12
 
 
 def fold_fits(values, weights, jacobian, row_folds, counts=None):
-    """Predict each fold by linear fits to the other rows, and return the held-out errors.
+    """Return held-out errors: each fold is predicted by a linear fit to the rows outside it.
 
     A fold has the rows (scalar residuals) that are held out together. The fit to the training
     residuals r_s, those outside the fold, has the parameters ``A r_s``, with
-    ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of the covariance of the training residuals and J is
-    their Jacobian. The held-out error of the residuals r_h, with the Jacobian J_h, is
-    ``E r = r_h - J_h A r_s``. E is linear, so the covariance of the errors is ``E Σ Eᵀ`` with the
-    covariance Σ of all residuals. Slow noise that training and held-out rows share cancels there as
-    far as a fitted bias follows it.
+    ``A = (Jᵀ W J)⁻¹ Jᵀ W``. W is the inverse of the covariance of the training residuals and J is
+    their Jacobian. The held-out residuals r_h, with the Jacobian J_h, have the error
+    ``E r = r_h - J_h A r_s``, with all residuals r. E is linear, so the covariance of the errors is
+    ``E Σ Eᵀ`` with the covariance Σ of r. In this covariance, slow noise that training and held-out
+    rows share cancels as far as a fitted bias follows it.
 
     Parameters
     ----------
     values : ndarray, shape (n, m)
-        Residuals r of n rows; each of the m columns is predicted alone.
+        Residuals r of n rows. Each of the m columns is a data set that is predicted alone.
     weights : ndarray, shape (n, n)
         Inverse of the covariance Σ of all residuals.
     jacobian : ndarray, shape (n, p)
@@ -39,7 +39,7 @@ def fold_fits(values, weights, jacobian, row_folds, counts=None):
         The fold that a row is held out with, and a second fold that it depends on; -1 is no fold.
         The row is left out of the training data of both folds.
     counts : sequence of int, optional
-        For each of these numbers there is a fit with that many parameters, the first ones. By
+        Numbers of parameters. Each number k gives one fit, which has the first k parameters. By
         default there is one fit with all p parameters.
 
     Returns
@@ -76,7 +76,7 @@ def fold_fits(values, weights, jacobian, row_folds, counts=None):
 
 
 def held_out_covariance(covariance, jacobian, row_folds, weights=None):
-    """Return the covariance of the held-out errors of n residuals, (n, n), by the noise alone.
+    """Return the covariance, (n, n), that noise gives the held-out errors of n residuals.
 
     Each fold is predicted by a linear fit of p parameters to the residuals outside it.
 
@@ -98,11 +98,12 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
 
 
 def exceedance_probability(square, covariances):
-    """Return the probability that the sum of squares of normal errors is larger than `square`.
+    """Return the p-value of a sum of squares: the probability that noise gives a larger one.
 
-    `covariances` is a list with the covariance of the n errors e of each independent group, (n, n).
-    The distribution of the sum ``Σ eᵀe`` over the groups is approximated by a scaled and shifted χ²
-    of the same mean, variance and skewness.
+    `square` is the sum of squares of all errors. The errors come in independent groups.
+    `covariances` is a list that has for each group the covariance of its n errors by the noise, (n,
+    n). The distribution of the sum is approximated by a scaled and shifted χ² with the right mean,
+    variance and skewness.
 
     References
     ----------
@@ -119,9 +120,10 @@ def exceedance_probability(square, covariances):
 
 
 def rms_norm(values):
-    """Return the root mean square of the norms of n residuals of k components, a float.
+    """Return the root mean square norm of n residuals, a float.
 
-    `values` has the shape (n, k). Residuals with a component that is nan are left out.
+    `values`, (n, k), has the k components of each residual. Residuals with a component that is nan
+    are left out.
     """
     return float(np.sqrt(np.nanmean((values**2).sum(axis=1))))
 
@@ -142,21 +144,22 @@ class ErrorChange(NamedTuple):
 
 
 def ratio_interval(fold_of_row, before, after):
-    """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
+    """Return the 95 % interval, [low, high], of the ratio of two root mean square errors.
 
-    First, a fold with m times the mean squared change of the errors is cut into m folds, as a
-    jackknife needs several folds that change. The standard error belongs to the mean of the
-    jackknife's pseudo-values. Each pseudo-value comes from the ratio of all folds but one. The
-    interval uses Student's t, with one degree of freedom less than there are folds. The interval is
-    zero to infinity if fewer than two folds have errors. (An interval of the logarithm has the same
-    coverage, but is far wider if one fold has most of the error, as with a step.)
+    The ratio says whether an effect lowers the held-out errors: it is the error with the effect
+    over the error without it. The interval comes from a jackknife, which leaves out one fold at a
+    time. A jackknife needs several folds in which the errors change, so `cut_folds` first cuts the
+    folds with the largest change. The standard error belongs to the mean of the jackknife's
+    pseudo-values. The interval uses Student's t, with one degree of freedom less than there are
+    folds. It is zero to infinity if fewer than two folds have errors. (An interval of the logarithm
+    has the same coverage, but is far wider if one fold has most of the error, as with a step.)
 
     Parameters
     ----------
     fold_of_row : ndarray, shape (n,)
         Fold of each of n residuals.
     before, after : ndarray, shape (n, k)
-        Held-out errors on k axes, without and with an effect. The ratio is after over before.
+        Held-out errors of the n residuals on k axes, without and with the effect.
 
     References
     ----------
@@ -180,11 +183,11 @@ def ratio_interval(fold_of_row, before, after):
 
 
 def cut_folds(fold_of_row, change):
-    """Cut the folds in which the error changes most into several folds.
+    """Return masks of the folds, after folds with much change are cut into several.
 
-    A fold with m times the mean change of all folds is cut into m consecutive ones of equal change.
-    In a warm-up, for example, the first fold has nearly all of the change, and a jackknife needs
-    several that have some.
+    A fold with m times the mean change of all folds is cut into m consecutive folds of equal
+    change. In a warm-up, for example, the first fold has nearly all of the change, and a jackknife
+    needs several folds that have some.
 
     Parameters
     ----------
@@ -196,7 +199,7 @@ def cut_folds(fold_of_row, change):
     Returns
     -------
     ndarray, shape (folds, n) of bool
-        The residuals of each fold after the cuts.
+        For each fold after the cuts, a mask of its residuals.
     """
     new_fold, first, folds = np.empty(len(fold_of_row), dtype=int), 0, np.unique(fold_of_row)
     for fold in folds:

@@ -30,6 +30,9 @@ STILL = 0.01
 class JointFit:
     """The set-up of a joint fit of both sensors to a recording.
 
+    The fit estimates the state x. It has the 21 parameters of both sensors and then the parameters
+    of effects, in nominal SI: raw readings minus the offset, times the scale of the data sheet.
+
     Attributes
     ----------
     factors : Factors
@@ -41,10 +44,10 @@ class JointFit:
     start : ndarray, shape (21,)
         State x to start from, without effects.
     prior : Prior or None
-        The distribution of x before the data, by the data sheet or the device family. The prior is
-        written into the calibrations.
+        The distribution of x before the data, by the data sheet or the device family. It is only
+        written into the calibrations; the fit uses `prior_rows`.
     prior_rows : (ndarray, ndarray)
-        Knowledge about x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
+        All knowledge about x before the fit: R, (k, 21), and z, (k,). ``R x - z`` has mean zero and
         independent components of variance one. These rows include `prior` and the turns by known
         angles.
     method : str
@@ -71,41 +74,43 @@ class JointFit:
         return State(self.start).names
 
     def of_sensors(self, sensors):
-        """Return the JointFit that estimates only the sensors with the given names."""
+        """Return the JointFit that estimates only the sensors with the names in `sensors`."""
         return replace(self, factors=replace(self.factors, sensors=tuple(sensors)))
 
     def measure(self, x, recording, effects=()):
-        """Return the Measurements of a recording, with effects linearised about a state.
+        """Return the Measurements: the rests and moves of a recording, as the fit uses them.
 
-        The state x, (p,), has the 21 parameters of both sensors and then the parameters of
-        `effects`, a sequence of SensorEffect.
+        Effects are linearised about the state `x`, (p,): the 21 parameters of both sensors, and
+        then the parameters of `effects`, a sequence of SensorEffect.
         """
         return self.factors.linearised_about(recording, State(x, tuple(effects)))
 
     def linearise(self, solution, recording):
-        """Return the residuals of a recording and their Jacobian at the estimates of a Fit.
+        """Return the residuals of a recording and their Jacobian, a Linearised.
 
-        `solution` is the Fit. The result is an object Linearised.
+        They are taken at the estimates of `solution`, a Fit, with its effects.
         """
         return self.measure(solution.x, recording, solution.effects).at(solution.x)
 
     def noise_components(self, linearised, prior_count):
-        """Return the parts of the covariance of N residuals by noise of known and unknown size.
+        """Return the covariance of N residuals as noise of known size plus variance components.
 
-        The first of the N residuals come from the Linearised factors `linearised`. The last
-        `prior_count` residuals come from a prior: they are independent and have variance one.
+        A variance component is noise whose size has to be estimated. The first residuals come from
+        the Linearised factors `linearised`. The last `prior_count` residuals come from a prior:
+        they are independent and have variance one.
 
         Returns
         -------
         ndarray, shape (N, N)
             Covariance by the noise of known size.
         list of Component
-            Flicker and random walk of each channel whose size the noise model gives with a standard
-            error: this value and its error are the prior of the size. If rotations were sampled too
-            slowly, the last component is the error of these rotations.
+            Slow noise: flicker and random walk of each channel whose size has a standard error in
+            the noise model. The size and its error there are the prior of the component's size. If
+            rotations were sampled too slowly, the last component is the error of these rotations.
         list of Component
-            For each kind of residual an excess, independent noise of unknown size: errors that the
-            model lacks, and the motion of a hand, which do not average out over a rest.
+            For each kind of residual an excess, independent noise of unknown size. It stands for
+            errors that the model lacks and for the motion of a hand, which do not average out over
+            a rest.
         """
         recording, covariance = linearised.measured.recording, linearised.noise
         # residuals of the gyroscope depend on the accelerometer, which gives gravity's direction
@@ -142,10 +147,11 @@ class JointFit:
         return fixed, slow, excess
 
     def fit(self, recording, effects=(), start=None, prior=None):
-        """Fit the state to a recording by generalised least squares of all residuals.
+        """Return the Fit of the state to a recording, by generalised least squares.
 
-        The weights are the inverse of the covariance by the noise model, plus an excess of variance
-        for each kind of residual. The size of each excess is the likeliest by the residuals.
+        The weights of the residuals are the inverse of a covariance: the noise model gives it, plus
+        an excess of variance for each kind of residual. The size of each excess is the likeliest by
+        the residuals.
 
         Parameters
         ----------
@@ -154,11 +160,11 @@ class JointFit:
         effects : sequence of SensorEffect
             Effects that the model has.
         start : ndarray, optional
-            Parameters of an earlier fit, whose effects were the first of `effects`, or none. By
-            default the fit starts from the attribute `start`.
+            Parameters to start from, the result of an earlier fit. That fit had the first of
+            `effects`, or no effects. By default the fit starts from the attribute `start`.
         prior : (ndarray, ndarray), optional
             R, (k, p), and z, (k,), such that ``R x - z`` has mean zero and independent components
-            of variance one before the fit; by default the attribute `known`.
+            of variance one before the fit; by default the attribute `prior_rows`.
 
         Returns
         -------
@@ -201,10 +207,10 @@ class JointFit:
         return replace(solution, effects=effects, reduced_chi2=reduced)
 
     def calibrations(self, solution, covariance=None):
-        """Return the SensorCalibration of each estimated sensor, a dict by name, from a Fit.
+        """Return the calibration of each estimated sensor by a Fit, a dict of SensorCalibration.
 
-        `covariance`, (p, p), is that of the p estimates; by default the covariance of the Fit times
-        the reduced χ² of the Fit, if that is above one.
+        `solution` is the Fit. `covariance`, (p, p), is the covariance of its p estimates. By
+        default it is the covariance in the Fit, times the reduced χ² if that is above one.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}
@@ -229,10 +235,11 @@ class JointFit:
 
 
 def append_prior(linearised, x, prior):
-    """Return the N residuals, (N,), of a recording and then of a prior, and their Jacobian, (N, p).
+    """Return all N residuals of a fit, (N,), and their Jacobian with p parameters, (N, p).
 
-    `linearised` has the residuals and the Jacobian of the recording at the parameters x, (p,). The
-    prior, R, (k, p), and z, (k,), has the residuals ``R x - z``.
+    The residuals of the recording come first, then the residuals of the prior. `linearised` has the
+    residuals and the Jacobian of the recording at the parameters `x`, (p,). `prior` is R, (k, p),
+    and z, (k,): its residuals are ``R x - z``.
     """
     R, z = prior
     values = np.append(linearised.residual, R @ x - z)

@@ -58,10 +58,11 @@ class Fit:
 
 
 def fit(linearise, x0, covariance, prior=None, first=None):
-    """Minimise ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` over the parameters x; R and z are a prior.
+    """Return the Fit that minimises ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` over p parameters x.
 
-    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. The solver scales each
-    parameter by the norm of the column of the Jacobian that belongs to it.
+    r are n residuals with the covariance Σ; R and z are a prior of x. The method is MINPACK's
+    Levenberg-Marquardt with the analytic Jacobian. The solver scales each parameter by the norm of
+    its column of the Jacobian.
 
     Parameters
     ----------
@@ -128,8 +129,8 @@ def fit(linearise, x0, covariance, prior=None, first=None):
 def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
-    The p parameters are fitted again to all residuals, by one linear step, as the weights may
-    differ from the weights of the fit that gave the residuals.
+    The residuals come from an earlier fit, maybe with other weights. So the p parameters are first
+    fitted again to all residuals, by one linear step.
 
     Parameters
     ----------
@@ -146,8 +147,9 @@ def chi_square(values, covariance, jacobian, groups):
     -------
     list of (float, float)
         χ² and degrees of freedom of each group. The degrees of freedom are the number of residuals
-        of the group minus a share of the parameters. This share is the trace of ``J C Jᵀ Σ⁻¹``,
-        with the rows of the group alone in J and Σ, and the covariance C of the parameters.
+        of the group minus the number of parameters that this group determines. This number is the
+        trace of ``J C Jᵀ Σ⁻¹``, with the rows of the group alone in J and Σ, and the covariance C
+        of the parameters.
     float
         Logarithm of the restricted likelihood of all residuals.
     """
@@ -176,9 +178,9 @@ def chi_square(values, covariance, jacobian, groups):
 def covariance_of(white):
     """Return ``(Wᵀ W)⁻¹``, (p, p), for a matrix W, (n, p), the argument `white`.
 
-    For the whitened Jacobian W of n residuals it is the covariance of the p parameters. It is
-    computed from the singular value decomposition of W with columns of length one. Raises
-    LinAlgError if W has no full rank or is not finite.
+    If W is the Jacobian of n residuals after whitening, the result is the covariance of the p
+    parameters. It is computed from the singular value decomposition of W with columns of length
+    one. Raises LinAlgError if W has no full rank or is not finite.
     """
     length = np.linalg.norm(white, axis=0)
     if not (np.isfinite(length).all() and length.all()):

@@ -20,13 +20,13 @@ SINGULAR = 1e-9
 
 
 def share_on_axes(training_fit, first, second):
-    """Return the share of the first effect that the second one imitates, a float from 0 to 1.
+    """Return the share of one effect that a second effect can explain, from 0 to 1.
 
-    An effect imitates another one as far as it explains the same rows with other values of its
-    parameters. The second effect explains at least this share of the square of the first one,
-    whatever the parameters of the first. The share is computed on each axis on which the first
-    effect acts, and the least one is returned. `training_fit` is the TrainingFit of the rows;
-    `first` and `second` are Effects with their constants.
+    An effect explains another one if it changes the rows in the same way, with other values of its
+    parameters. On each axis on which the first effect acts, the second explains at least a certain
+    share of its square, for any parameters of the first (`imitated_share`). The result is the
+    smallest of these shares. `training_fit` is the TrainingFit of the rows; `first` and `second`
+    are Effects with their constants.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
@@ -36,22 +36,23 @@ def share_on_axes(training_fit, first, second):
 
 
 def imitated_share(training_fit, first, second):
-    """Return the share of the first effect that the second one imitates on one axis.
+    """Return the share of one effect that a second one can explain on one axis, from 0 to 1.
 
-    The pattern of an effect is the derivative of all rows with respect to its parameters. The share
-    is ``cos²`` of the largest principal angle between the patterns of both effects, after the
-    nuisance parameters, which every fit has, are projected out. The second effect explains at least
-    this share of the square of the first one, for any parameters of the first. The share is zero if
-    the second effect has fewer columns than the first, or if the columns of one of the effects are
-    linearly dependent. Products of columns are weighted with the inverse of the noise covariance
-    that is likeliest without effects.
+    The pattern of an effect is the derivative of all rows with respect to its parameters. The
+    nuisance parameters, which every fit has, are projected out of the patterns. The share is
+    ``cos²`` of the largest principal angle between the two patterns. So the second effect explains
+    at least this share of the square of the first one, for any parameters of the first. Products of
+    columns are weighted with the inverse of the noise covariance that is likeliest without effects.
+
+    The share is zero if the second effect has fewer columns than the first, or if the columns of
+    one of the effects are linearly dependent.
 
     Parameters
     ----------
     training_fit : TrainingFit
         Least squares of the rows.
     first, second : tuple of int
-        Numbers, in the Evidence, of the columns that both effects have on the axis.
+        Numbers, in the Evidence, of the columns that each effect has on the axis.
     """
     if len(first) > len(second):
         return 0.0
@@ -74,16 +75,15 @@ def imitated_share(training_fit, first, second):
 
 
 def imitations(search, kinds):
-    """Return the pairs of kinds of effects of which one imitates the other, a list of dict.
+    """Return the pairs of kinds of effects that these data can hardly tell apart, a list of dict.
 
-    A pair has the name of the imitated kind, ``effect``, the name of the imitator, ``with``, and
-    the ``share`` of the square of the first that the second explains. Pairs with a share below
-    `SHARE` are left out.
+    A dict has the names of the two kinds: ``effect``, which is imitated, and ``with``, which
+    imitates it. It also has the ``share`` of the first kind's square that the second explains.
+    Pairs with a share below `SHARE` are left out.
 
-    A kind has variants, effects with values of their constants. A variant of the second kind
-    explains a share of a variant of the first kind on each axis; the least of these counts. For
-    each variant of the first kind, the variant of the second kind with the largest share is taken.
-    The share of the pair is the median over the variants of the first kind.
+    A kind has variants, effects with values of their constants. For each variant of the first kind,
+    the variant of the second kind that explains most of it is taken (`share_on_axes`). The share of
+    the pair is the median over the variants of the first kind.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def imitations(search, kinds):
 def twin(search, base, kind):
     """Return the name of an effect in the model that a candidate could replace, or None.
 
-    The candidate could replace an effect if the candidate passes the significance test without this
-    effect in the model, and the effect does not pass with the candidate in the model. `search` is
-    the Search in all rows, `base` has the effects in the model, and `kind` is the kind of the
-    candidate.
+    The candidate is another kind of effect. It could replace an effect if two things hold: the
+    candidate passes the significance test in a model without the effect, and the effect fails it in
+    a model with the candidate. `search` is the Search in all rows, `base` has the effects in the
+    model, and `kind` is the kind of the candidate.
     """
     for effect in reversed(base):
         other_effects = tuple(e for e in base if e is not effect)
@@ -128,9 +128,9 @@ def twin(search, base, kind):
 def masking_effect(search, base, kind):
     """Return the name of an effect in the model that prevents the test of a candidate, or None.
 
-    The candidate cannot be estimated with all effects in the model, but it can without this effect.
-    `search` is the Search in all rows, `base` has the effects in the model, and `kind` is the kind
-    of the candidate.
+    The candidate is another kind of effect. With all effects in the model it cannot be estimated;
+    without the returned one it can. `search` is the Search in all rows, `base` has the effects in
+    the model, and `kind` is the kind of the candidate.
     """
     alone = search.trial((), kind)
     for effect in base if alone else ():

@@ -30,15 +30,15 @@ GROWN = 4.0
 
 
 def detection_limits(search, base, trial, power, must_lower_error=True):
-    """Return the least size of each parameter of an effect that these data would show.
+    """Return the detection limits of an effect: for each parameter the least size that would show.
 
     For each limit the data are assumed to have the effect with this one parameter. The time
     constant or width in the data differs by the factor `BETWEEN` from the constant of the tested
     effect, as the true one lies between two values of the grid that is searched. The limit is the
-    least of the `SIZES` that passes the significance test with the probability `power` and lowers
-    the held-out error with confidence. Both conditions are computed from expected values, without
-    random data. For an effect that slow noise imitates, the noise is estimated again with the
-    effect in the data.
+    least of the `SIZES` that meets two conditions: it passes the significance test with the
+    probability `power`, and it lowers the held-out error with confidence. Both are computed from
+    expected values, without random data. For an effect that slow noise imitates, the noise is
+    estimated again with the effect in the data.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     power : float
         Probability with which the test has to find the effect.
     must_lower_error : bool
-        Whether the held-out error has to fall, too.
+        Whether the second condition, a lower held-out error, has to be met too.
 
     Returns
     -------
@@ -100,10 +100,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
 
 
 def first_size(passes):
-    """Return the index of the size from which on all larger sizes pass, (q,) of int.
+    """Return for each of q parameters the first size from which on all sizes pass, (q,) of int.
 
-    `passes`, (s, q) of bool, says which of s increasing sizes of each of q parameters pass a test.
-    The index is s if the largest size fails.
+    `passes`, (s, q) of bool, says which of s increasing sizes of each parameter pass a test. The
+    result has indices of sizes. An index is s if the largest size fails.
     """
     # from the largest size down; the last row, which fails, ends the search for the first failure
     descending = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
@@ -112,11 +112,11 @@ def first_size(passes):
 
 @dataclass(frozen=True)
 class AxisTest:
-    """The expected test of an effect on one axis, in data with an effect of known size.
+    """The expected outcome of the test of an effect on one axis, in data with a known effect.
 
-    The data have one of q columns at a time, the derivative of all rows with respect to one
-    parameter. In all methods `sizes`, (s, q), are s sizes of each column, increasing. The
-    covariance of the noise is one of h hypotheses.
+    The data are assumed to have one of q columns, times its size. A column is the derivative of all
+    rows with respect to one parameter, scaled to length one. In all methods `sizes`, (s, q), has s
+    increasing sizes of each column. The covariance of the noise is one of h hypotheses.
     """
 
     training_fit: object  # TrainingFit of all rows
@@ -129,15 +129,16 @@ class AxisTest:
 
     @property
     def fits(self):
-        """List of two Fits of the axis to the rows, without the effect and with it."""
+        """Two Fits of the axis to all rows, a list: without the tested effect, and with it."""
         extended = (*self.base, self.trial.effect)
         return [self.training_fit.fit(effects, self.axis) for effects in (self.base, extended)]
 
     def chi_square_drop(self):
-        """Return by how much the effect in the model lowers χ², (h, q), under h noise hypotheses.
+        """Return by how much χ² falls if the effect is added to the model, (h, q).
 
-        The data are one of the q columns, of size one, without noise. The result is χ² of the fit
-        without the effect minus χ² of the fit with it.
+        It is χ² of the fit without the effect minus χ² of the fit with it, under each of h noise
+        hypotheses. The data have one of the q columns (see the class) at a time, of size one and
+        without noise.
         """
         columns_of, drops = self.training_fit.evidence.columns_of, []
         base, extended = (
@@ -152,13 +153,14 @@ class AxisTest:
         return drops[1] - drops[0]
 
     def passes(self, sizes):
-        """Return which sizes pass the test with the probability `power`, (s, q) of bool.
+        """Return the sizes that pass the significance test often enough, (s, q) of bool.
 
-        Under each noise hypothesis the F statistic of the test has the noncentrality ``size²
-        drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated factor
-        on the covariance of the noise. The lower quantile of F gives the p-value that is reached
-        with the probability `power`. These p-values are averaged over the hypotheses, and combined
-        with the p-values of the other axes by Fisher's method.
+        They pass with the probability `power`. Under each noise hypothesis the F statistic of the
+        test has the noncentrality ``size² drop/scale``. Here drop is the fall of χ² by the effect
+        at size one (`chi_square_drop`), and scale is the estimated factor on the covariance of the
+        noise. F exceeds its lower quantile with the probability `power`, so the p-value of this
+        quantile counts. These p-values are averaged over the hypotheses, and combined with the
+        p-values of the other axes by Fisher's method.
         """
         without, fit = self.fits
         # number of parameters that the effect adds
@@ -178,11 +180,12 @@ class AxisTest:
         return fisher([log_p, *[CHANCE] * (self.trial.axes - 1)]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
-        """Return which sizes pass the significance test if the effect resembles slow noise.
+        """Return the sizes that pass the significance test if the effect resembles slow noise.
 
-        Data with such an effect raise the estimate of slow noise. So the noise is estimated again
-        from the residuals plus the effect, at `GROWN` times the least size that passes with the
-        present noise. The AxisTest has to have one column.
+        The estimate of slow noise is higher in data with such an effect. So the noise is estimated
+        again in data with the effect, and the test is repeated. These data are the residuals plus
+        the effect, at `GROWN` times the least size that passes with the present noise. The AxisTest
+        has to have one column.
 
         Parameters
         ----------
@@ -215,9 +218,9 @@ class AxisTest:
 
         A size counts if the effect, added to the model, is expected to lower the held-out error:
         the 95 % interval of the ratio, error with the effect over error without it, then lies below
-        one. The data have z times the column x, the derivative of
-        all rows (scalar residuals) with respect to one parameter of the effect; z is the size. A
-        row is predicted by a fit to the rows of other folds; its held-out error is
+        one. The data have z times the column x, the derivative of all rows (scalar residuals) with
+        respect to one parameter of the effect; z is the size. A row is predicted by a fit to the
+        rows of other folds; its held-out error is
 
         - e, with the variance v, by the noise alone;
         - ``e + z c`` without the effect in the model, where c is the held-out error of x;
@@ -285,15 +288,15 @@ class AxisTest:
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
-    A ratio is the root of the sum of squares with an effect over the sum of squares without it. The
-    standard error of a ratio comes from the scatter between folds, as by a jackknife, and from the
-    noise.
+    A ratio is ``√(A/B)``, with the sums of squares A with an effect in the model and B without it,
+    over all folds. The standard error of a ratio comes from the scatter between folds, as in a
+    jackknife, and from the noise.
 
     Parameters
     ----------
     after, before : ndarray, shape (s, folds)
-        Expected sums of squares of the held-out errors in each fold, with and without an effect in
-        the model, at s sizes of the effect in the data.
+        Expected sums of squares A and B of the held-out errors in each fold, at s sizes of the
+        effect in the data.
     variance : ndarray, shape (s, folds)
         Variance, by the noise, of the difference of `after` and `before`.
     quantile : float

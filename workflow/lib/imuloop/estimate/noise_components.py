@@ -21,13 +21,13 @@ UNSETTLED = 1e-3
 
 @dataclass(frozen=True)
 class Component:
-    """A variance component of the noise, whose size has to be estimated.
+    """A variance component: noise with a covariance of known shape whose size has to be estimated.
 
     Attributes
     ----------
     covariance : ndarray, shape (n, n)
-        Covariance of the residuals by a component of size one. The size is a factor on the
-        standard deviation.
+        Covariance of the n residuals by a component of size one. The size is a factor on the
+        standard deviation, so the covariance grows with its square.
     size, deviation : float
         Prior value of the size, and its standard deviation: infinite without a prior.
     kind : str
@@ -41,10 +41,10 @@ class Component:
 
 
 def total_covariance(fixed, components, sizes):
-    """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k`` of n residuals, (n, n).
+    """Return the covariance of n residuals by all noise, (n, n): ``Σ = Σ₀ + Σ_k s_k² V_k``.
 
-    `fixed` is the part Σ₀ of known size, (n, n). `components` are the Components, whose covariance
-    at size one is V_k, (n, n), and `sizes` are their sizes s_k.
+    `fixed` is Σ₀, (n, n), the covariance by noise of known size. `components` are the Components:
+    component k has the covariance V_k, (n, n), at size one. `sizes` are the sizes s_k.
     """
     parts = (size**2 * c.covariance for size, c in zip(sizes, components, strict=True))
     return sum(parts, start=fixed)
@@ -53,16 +53,16 @@ def total_covariance(fixed, components, sizes):
 def likely_sizes(values, jacobian, fixed, components, start=None):
     """Return the most likely sizes of k variance components of the noise, (k,).
 
-    A size is a factor on the standard deviation of the component. A size is at most `FARTHEST`
-    prior standard deviations above its prior value, and zero if the likelihood is largest at zero.
+    A size is a factor on the standard deviation of the component. It is at most `FARTHEST` (1.96)
+    prior standard deviations above its prior value. It is zero if the likelihood is largest at
+    zero.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Residuals r.
     jacobian : ndarray, shape (n, p)
-        Derivative J of the residuals with respect to the parameters that are fitted at the same
-        time.
+        Derivative J of the residuals with respect to the p parameters that the same data determine.
     fixed : ndarray, shape (n, n)
         Covariance Σ₀ of the noise whose size is known.
     components : sequence of Component
@@ -73,7 +73,7 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     Raises
     ------
     NotConverged
-        If the likelihood still rises by more than `UNSETTLED` after the last step.
+        If the log likelihood still rises by more than `UNSETTLED` in the last step.
     """
     if not components:
         return np.zeros(0)
@@ -123,14 +123,17 @@ class SizeLikelihood:
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
     def covariance(self, squares):
-        """Return the covariance Σ of the residuals, (n, n), at squares of the sizes, (k,)."""
+        """Return the covariance Σ of the n residuals, (n, n), for given sizes of the components.
+
+        `squares`, (k,), are the squares of the sizes.
+        """
         return self.fixed + (squares @ self.covariances).reshape(self.fixed.shape)
 
     def terms(self, values, squares):
         """Return minus the log of likelihood times prior, its gradient and its information.
 
-        The gradient, (k,), and the average information, (k, k), are those with respect to the
-        squares of the sizes.
+        The gradient, (k,), and the average information, (k, k), are derivatives with respect to the
+        squares of the sizes of the k components. `maximise` says what average information is.
 
         Parameters
         ----------
@@ -164,11 +167,12 @@ class SizeLikelihood:
     def maximise(self, values, start=None, rise=RISE):
         """Return the most likely sizes, (k,), of the k components for n residuals.
 
-        The search takes Newton steps in the squares of the sizes, within the bounds. A step uses
-        the average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component k at
-        size one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. The information is divided by the
-        reduced χ² if that is above one, because the information falls by this factor once the sizes
-        have grown. Each step is damped until the likelihood rises.
+        The search takes Newton steps in the squares of the sizes, within the bounds. The second
+        derivative in a step is the average information ``rᵀ P V_k P V_l P r/2`` of components k and
+        l, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. V_k is the covariance by component k at
+        size one. The information is divided by the reduced χ² if that is above one, because the
+        information falls by this factor once the sizes have grown. Each step is damped until the
+        likelihood rises.
 
         Parameters
         ----------
@@ -213,11 +217,11 @@ class SizeLikelihood:
 def bounded_step(hessian, gradient, low, high):
     """Return the step s, (k,), between `low` and `high`, with the smallest ``gᵀ s + sᵀ H s/2``.
 
-    The method fixes some components at a bound and solves for the others. Then it fixes all
-    components that are beyond a bound, and frees those that the gradient pushes off their bound.
-    This is repeated until the fixed components no longer change. Should it cycle, the last step is
-    clipped. H is the `hessian`, (k, k), positive definite, and g the `gradient`, (k,). `low` and
-    `high`, (k,), may be infinite.
+    It is a Newton step with bounds: g is the `gradient`, (k,), and H the `hessian`, (k, k),
+    positive definite. `low` and `high`, (k,), may be infinite. The method fixes some components of
+    s at a bound and solves for the others. Then it fixes all components that are beyond a bound,
+    and frees those that the gradient pushes off their bound. This is repeated until the fixed
+    components no longer change. Should it cycle, the last step is clipped.
 
     References
     ----------

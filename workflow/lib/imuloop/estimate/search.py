@@ -25,16 +25,20 @@ FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
 def kinds_of(effects):
-    """Return the kind of each effect, its class and its sensor, a tuple."""
+    """Return a tuple with the kind of each of some effects.
+
+    A kind is the class of the effect, with the sensor if the search is for both sensors.
+    """
     return tuple(effect.kind for effect in effects)
 
 
 def _price(base, effect):
-    """Return the price of an effect, a float, which is added to its log p-value.
+    """Return the price of an effect, a float that is added to its log p-value.
 
-    An effect with a constant that is rarely needed, such as the lag of a thermometer, has a price.
-    The price is zero if an effect of the same name in `base`, the effects in the model, has the
-    same constants already: a device has one thermometer, and one lag.
+    An effect with a constant that is rarely needed, such as the lag of a thermometer, has a price:
+    it must be more significant than others. The price is zero if an effect of the same name in
+    `base`, the effects in the model, has the same constants already, as a device has one
+    thermometer with one lag.
     """
     if not effect.price:
         return 0.0
@@ -49,9 +53,9 @@ def _of_temperature(effect):
 
 @dataclass(frozen=True)
 class Trial:
-    """The significance test of one effect added to a model.
+    """The significance test of one effect that is added to a model.
 
-    The effect has variants, which differ in the values of its constants; the best variant was
+    An effect has variants, which differ in the values of its constants. Here the best variant is
     tested.
     """
 
@@ -91,15 +95,16 @@ class Search:
         """Return the logarithm of the largest p-value that passes the test, a float.
 
         By Holm's method for several tests, the significance is divided by the number of tests that
-        are left; `count` is the number of effects that are in the model already.
+        have not passed yet. `count` is the number that have passed: the effects in the model.
         """
         settings = self.problem.settings
         return np.log(settings.significance / max(1, self.problem.tests - count))
 
     def training_fit(self, base):
-        """Return the TrainingFit, least squares of the training rows.
+        """Return the TrainingFit: least squares of the training rows, which are not held out.
 
-        The rows are linearised about a fit that has the effects in `base`.
+        The rows are linearised about a fit that has the effects in `base`. The TrainingFit itself
+        can then fit any further effects.
         """
         return self.problem.training_fit(base, self.held_out)
 
@@ -111,17 +116,17 @@ class Search:
         return self.tests(base, (effect,))[0]
 
     def tests(self, base, effects, hypotheses=slice(None)):
-        """Test several variants, effects with values of their constants, each added alone.
+        """Return the tests of several effects, each added alone to the model, a list of Trial.
 
-        Each axis has its own parameters and its own noise; Fisher's method combines the p-values
-        of the axes.
+        Each axis has its own parameters and its own noise; Fisher's method combines the p-values of
+        the axes.
 
         Parameters
         ----------
         base : tuple of Effect
             Effects that are in the model already.
         effects : sequence of Effect
-            The variants to test.
+            The effects to test, with values of their constants.
         hypotheses : ndarray, shape (h,) of bool, optional
             The noise hypotheses, covariances that the noise may have, over which the p-value is
             averaged; all by default.
@@ -129,7 +134,7 @@ class Search:
         Returns
         -------
         list of Trial or None
-            An entry for each variant. The entry is None if no axis depends on the variant, or if an
+            An entry for each effect. The entry is None if no axis depends on the effect, or if an
             axis that depends on it cannot estimate its parameters.
         """
         training_fit, testable = self.training_fit(base), {}
@@ -156,10 +161,10 @@ class Search:
     def trial(self, base, kind, may_give_up=False):
         """Return the Trial of the best variant of a kind of effect, added to `base`, or None.
 
-        The result is None if the base has the kind, or if no variant can be estimated. Most kinds
-        have a list of variants. A kind with too many, such as steps at any time, has a scan, a
-        function that finds the best one. With `may_give_up` the result is also None if the scan
-        stops early, because its first step is not clearer than chance.
+        Most kinds have a list of variants. A kind with too many, such as steps at any time, has a
+        scan, a function that finds the best one. The result is None if the base has the kind
+        already, or if no variant can be estimated. To save time, `may_give_up` lets a scan stop
+        early if its first step is not clearer than chance; the result is None then, too.
         """
         if kind in kinds_of(base):
             return None
@@ -180,9 +185,10 @@ class Search:
     def best_variant(self, base, variants, log_tries):
         """Return the Trial of the best of several variants, or None if none can be estimated.
 
-        The best variant has the smallest p-value. If others have a log p within a share `ALIKE` of
-        the smallest, the best is the one with the smallest p-value under those noise hypotheses
-        that estimates of parameters may use.
+        The best variant has the smallest p-value. A close race is decided in another way: variants
+        whose log p differs from the smallest by less than the share `ALIKE` are tested again, under
+        only those noise hypotheses that estimates of parameters may use. The smallest of these
+        p-values wins.
 
         Parameters
         ----------
@@ -214,22 +220,22 @@ class Search:
         return replace(best, log_p=log_p, log_tries=log_tries, impossible=impossible)
 
     def _priced_tests(self, base, variants, hypotheses=slice(None)):
-        """Return the significance tests of those variants that can be estimated, a list of Trial.
+        """Return the tests of several variants of an effect, with their price, a list of Trial.
 
         `variants` are effects with values of their constants; each is added alone to the effects in
-        `base`. A variant with a constant that is rarely needed has a price, which is added to its
-        log p. The p-values are averaged over the noise covariances in the mask `hypotheses`, (h,)
-        of bool; by default over all.
+        `base`. Variants that cannot be estimated are left out. A variant with a constant that is
+        rarely needed has a price, which is added to its log p. The p-values are averaged over the
+        noise hypotheses in the mask `hypotheses`, (h,) of bool; by default over all.
         """
         trials = [t for t in self.tests(base, variants, hypotheses) if t]
         return [replace(t, log_p=t.log_p + _price(base, t.effect)) for t in trials]
 
     def estimate(self, base, effect):
-        """Return the p parameters of an effect added to `base`, the effects in the model.
+        """Return the p parameters of an effect, their standard errors and their covariance, SI.
 
-        The result is the values of the parameters, (p,), their standard errors, (p,), and their
-        covariance, (p, p), SI. All are averaged over the noise hypotheses and combined from all
-        axes. Parameters that no axis can estimate are zero.
+        The arrays have the shapes (p,), (p,) and (p, p). The fit has the effect and the effects in
+        `base`, which are in the model already. Values and covariance are averaged over the noise
+        hypotheses and combined from all axes. Parameters that no axis can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
         for axis in range(training_fit.evidence.axes):
@@ -245,7 +251,10 @@ class Search:
 
     @property
     def kinds(self):
-        """Kinds of effects that can be tried, a tuple: kinds with variants, then with a scan."""
+        """Kinds of effects that can be tried, a tuple.
+
+        First come those with a list of variants, then those with a scan for the best variant.
+        """
         return (*self.problem.variants, *self.problem.scans)
 
     def significant_effects(self, kinds):
@@ -260,23 +269,23 @@ class Search:
         return effects
 
     def best_trial(self, base, kinds):
-        """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
+        """Return the clearest Trial that passes the test, or None; `kinds` are the kinds to try.
 
-        The clearest has the smallest p-value. But an effect of the present temperature goes before
-        an effect of time or of the past temperature if the size of its log p is at least half
-        (`AS_CLEARLY`) of the size of the other's log p, because the log shows the cause of such an
-        effect, the temperature. Formulas, effects without a known cause, are tried if no other
+        The clearest has the smallest p-value, with one exception. An effect of the present
+        temperature goes before an effect of time or of the past temperature if the size of its log
+        p is at least half (`AS_CLEARLY`) of the other's. The reason is that the log shows its
+        cause, the temperature. Formulas, effects without a known cause, are tried only if no other
         effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
 
     def _best_of(self, base, kinds):
-        """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
+        """Return the clearest Trial that passes the test, or None; `kinds` are the kinds to try.
 
-        The clearest has the smallest p-value. But an effect of the present temperature goes before
-        one of time or of the past temperature if the size of its log p is at least the share
-        `AS_CLEARLY` of the size of the other's log p. `base` has the effects in the model.
+        The clearest has the smallest p-value, with one exception. An effect of the present
+        temperature goes before an effect of time or of the past temperature if the size of its log
+        p is at least the share `AS_CLEARLY` of the other's. `base` has the effects in the model.
         """
         trials = [self.trial(base, kind, may_give_up=True) for kind in kinds]
         passing = [
@@ -291,11 +300,11 @@ class Search:
         return self._first_alike(base, best, passing) if best else None
 
     def _first_alike(self, base, best, passing):
-        """Return the first Trial in a list whose effect looks like that of the best Trial here.
+        """Return the first Trial in a list whose effect these data cannot tell from the best one.
 
-        An effect looks like another one if these data cannot tell them apart. In one attitude, for
-        example, a change of scale factor is the same as a change of bias. `base` has the effects in
-        the model; `passing` is the list, and `best` is one of its Trials.
+        Such effects have nearly the same pattern in these data. In one attitude, for example, a
+        change of scale factor is the same as a change of bias. So the order of the list decides.
+        `base` has the effects in the model; `passing` is the list, and `best` is one of its Trials.
         """
         training_fit = self.training_fit(base)
         for trial in passing:
@@ -311,10 +320,11 @@ class Search:
     def with_best_variants(self, effects):
         """Return the effects with their constants chosen again, a tuple.
 
-        Each effect but the last, one after the other, gets the variant (values of its constants)
-        with the smallest p-value when it is added to all others. The last one was chosen with the
-        others in the model already. An effect without a list of variants, such as a step at any
-        time, is searched again if the problem says so (`scans_again`).
+        Each effect but the last, one after the other, gets the variant with the smallest p-value
+        when it is added to all others. A variant is the effect with values of its constants. The
+        last effect was chosen with the others in the model already. An effect without a list of
+        variants, such as a step at any time, is searched again if the problem says so
+        (`scans_again`).
         """
         for i, effect in enumerate(effects[:-1]):
             variants, best = self.problem.variants.get(effect.kind, ()), None
@@ -329,11 +339,11 @@ class Search:
         return effects
 
     def refine(self, effects):
-        """Return the effects with refined constants, a tuple.
+        """Return the effects with constants between the values of the grid, a tuple.
 
         The search takes the constants, such as a time constant, from a grid. Here the constants of
-        one effect after the other are multiplied or divided by the `FACTORS` if the likelihood
-        rises.
+        one effect after the other are multiplied or divided by each of the `FACTORS` if this raises
+        the likelihood.
         """
         for i, effect in enumerate(effects):
             other_effects = effects[:i] + effects[i + 1 :]
@@ -358,10 +368,10 @@ class Search:
         return effects
 
     def effects_of_kinds(self, kinds):
-        """Return one effect of each of the given kinds, a tuple.
+        """Return a model with one effect of each of the given kinds, a tuple of Effect.
 
-        The effects are added one after the other, with the constants that fit the training rows
-        best. A kind that cannot be estimated is left out.
+        The effects are added one after the other, significant or not. Their constants are those
+        that fit the training rows best. A kind that cannot be estimated is left out.
         """
         # the model with all kinds but the last is stored, too, as later calls ask for it
         if kinds and kinds not in self._by_kinds:

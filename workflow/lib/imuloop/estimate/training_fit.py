@@ -25,11 +25,11 @@ ROUNDING = 1e-12
 class TrainingFit:
     """Least squares of the training rows, which are all rows outside the held-out folds.
 
-    All products of columns use P̃, the inverse of the covariance of the training rows after the
-    nuisance parameters, which are in every fit, are projected out. For columns x and y of a group
-    of rows with precision P the product is ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and t_y,
-    (u,), are called the corrections of x and y. Corrections and fits are stored, so that each is
-    computed once.
+    Nuisance parameters are in every fit, so they are projected out first. P̃ is the inverse of the
+    covariance of the training rows after this projection. All products of two columns x and y use
+    it: in a group of rows with precision P, ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and
+    t_y, (u,), are called the corrections of x and y. Corrections and fits are stored, so that each
+    is computed once.
 
     Shapes: h noise hypotheses, n rows of a group, N rows of all groups, k columns, and u parameters
     that are projected out: one for each held-out row, and the nuisance parameters.
@@ -37,8 +37,8 @@ class TrainingFit:
 
     evidence: object  # the Evidence with all rows
     held_rows: tuple  # for each group, indices of the rows that depend on a held-out fold
-    # by column number: its corrections, (h, u) for each group, and its square by the first
-    # hypothesis, with the nuisance parameters in it
+    # by number of a column: its corrections, (h, u) for each group of rows, and its square under
+    # the first hypothesis, before the nuisance parameters are projected out
     _columns: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
     # by group and hypothesis: information about a step before each row, (n,)
@@ -46,11 +46,11 @@ class TrainingFit:
 
     @cached_property
     def _roots(self):
-        """The matrix R of each group of rows, (h, u, u), upper triangular: ``R Rᵀ = (Uᵀ P U)⁻¹``.
+        """The matrix R, (h, u, u), of each group of rows, upper triangular: ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
-        U, (n, u), has the columns that are projected out of the n rows of the group. First U has a
-        unit vector for each held-out row: a row with its own parameter has no influence. Then U has
-        the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
+        R projects u columns out of the n rows of the group; U, (n, u), has these columns. First, U
+        has a unit vector for each held-out row: a row with its own parameter has no influence. Then
+        U has the derivative of the rows with respect to the nuisance parameters. P, (n, n), is the
         inverse of the covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
@@ -72,31 +72,34 @@ class TrainingFit:
 
     @cached_property
     def free_rows(self):
-        """Number of training rows (not held out) minus number of nuisance parameters."""
+        """Number of training rows, which are not held out, minus number of nuisance parameters.
+
+        These are the degrees of freedom of a fit without effects.
+        """
         nuisances = sum(group.nuisance.shape[1] for group in self.evidence.row_groups)
         return len(self.evidence.row_folds) - sum(map(len, self.held_rows)) - nuisances
 
     @cached_property
     def log_det(self):
-        """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows, those not held out.
+        """The part of the restricted likelihood by determinants: ``log|Σ| + log|Nᵀ Σ⁻¹ N|``, (h,).
 
-        Σ is the covariance of the training rows under each of h noise hypotheses, and N is their
-        derivative with respect to the nuisance parameters. The sum equals ``log det Σ_all + log det
-        Uᵀ P U`` with the covariance Σ_all of all rows, its inverse P, and U that has N and a unit
-        vector for each held-out row.
+        Σ is the covariance of the training rows, which are not held out, under each of h noise
+        hypotheses. N is the derivative of these rows with respect to the nuisance parameters. The
+        sum equals ``log|Σ_all| + log|Uᵀ P U|`` with the covariance Σ_all of all rows and its
+        inverse P. U has N, and a unit vector for each held-out row.
         """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
         diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
         return sum(g.noise.log_det - 2 * np.log(diagonal).sum(axis=1) for g, diagonal in diagonals)
 
     def products(self, first, second):
-        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), under h noise hypotheses.
+        """Return the products ``Yᵀ P̃ Z``, (h, k, m), of columns Y and Z under h noise hypotheses.
 
         `first` has the numbers, in the Evidence, of the k columns Y, and `second` has the numbers
-        of the m columns Z. P̃ is the precision of the training rows without the nuisance
-        parameters. A product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all
-        groups of rows. P is the precision of all rows of a group; U has a unit vector for each
-        held-out row, and the derivative of the rows by the nuisance parameters.
+        of the m columns Z. P̃ is the precision of the training rows after the nuisance parameters
+        are projected out. A product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over
+        all groups of rows. P is the precision of all rows of a group. U has a unit vector for each
+        held-out row, and the derivative of the rows with respect to the nuisance parameters.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -106,10 +109,11 @@ class TrainingFit:
         return total
 
     def _products_in_sets(self, sets):
-        """Return the products ``Zᵀ P̃ Z`` within each of s sets of q columns Z, (h, s, q, q).
+        """Return the products ``Zᵀ P̃ Z`` of the columns within each of s sets, (h, s, q, q).
 
-        `sets`, (s, q), has the numbers of the columns in the Evidence. P̃ is the precision of the
-        training rows, without the nuisance parameters, under each of h noise hypotheses.
+        Z are the q columns of a set. `sets`, (s, q), has their numbers in the Evidence. P̃ is the
+        precision of the training rows after the nuisance parameters are projected out, under each
+        of h noise hypotheses.
         """
         columns, total = tuple(sets.ravel().tolist()), 0.0
         self._add_columns(columns)
@@ -121,22 +125,24 @@ class TrainingFit:
         return total
 
     def corrections(self, i, columns):
-        """Return the corrections of k columns, (h, k, u), in row group i, stored beforehand.
+        """Return the stored corrections of k columns in the row group with the index i, (h, k, u).
 
-        A correction is the vector t with ``xᵀ P̃ y = xᵀ P y - t_x·t_y`` under each of h noise
-        hypotheses, where P̃ projects u parameters out. `columns` are the numbers of the columns.
+        The correction of a column x is the vector t_x with ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where P̃
+        projects u parameters out, under each of h noise hypotheses. `columns` are the numbers of
+        the columns, whose corrections were stored before.
         """
         return np.array([self._columns[c][0][i] for c in columns]).swapaxes(0, 1)
 
     def _add_columns(self, columns):
-        """Compute and store the corrections and squares of columns that have none yet.
+        """Compute and store the correction and the square of each column that has none yet.
 
         `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃ the
-        precision of the training rows after the nuisance parameters are projected out. The
-        correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. The square of x
-        is ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first noise hypothesis.
-        A fit compares this square with the square that remains of x after the nuisance parameters
-        and other columns are projected out.
+        precision of the training rows after the nuisance parameters are projected out.
+
+        - The correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``.
+        - The square of x is ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first
+          noise hypothesis. A fit compares it with the square that remains of x after the nuisance
+          parameters and other columns are projected out: x depends on them if too little remains.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
@@ -161,10 +167,11 @@ class TrainingFit:
         self._columns.clear()
 
     def apply_precision(self, i, hypothesis, columns):
-        """Return ``P̃ X``, (n, k), of the part X of k columns, (n, k), in the n rows of group i.
+        """Return ``P̃ X``, (n, k), for k columns X in the n rows of one group.
 
-        P̃ is the precision of the training rows without the nuisance parameters, under the noise
-        hypothesis of index `hypothesis`. Held-out rows of the result are zero.
+        P̃ is the precision of the training rows after the nuisance parameters are projected out.
+        `i` is the index of the group, `hypothesis` the index of the noise hypothesis, and `columns`
+        are X, (n, k). Held-out rows of the result are zero.
         """
         precision = self.evidence.row_groups[i].noise.precision[hypothesis]
         held_rows = self.held_rows[i]
@@ -176,22 +183,24 @@ class TrainingFit:
         return result
 
     def correction(self, i, hypothesis, weighted):
-        """Return the correction ``t = xᵀ P U R``, (..., u), of columns x in the n rows of group i.
+        """Return the corrections ``t = xᵀ P U R``, (..., u), of columns x in one group of n rows.
 
-        With it ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u
-        columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `weighted`, (..., n), has the
-        products ``xᵀ P``; `hypothesis` is the index of one noise hypothesis, or a slice of all.
+        With them ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u
+        columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `i` is the index of the group and
+        `weighted`, (..., n), has the products ``xᵀ P``. `hypothesis` is the index of one noise
+        hypothesis, or a slice of all.
         """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
         return side @ self._roots[i][hypothesis]
 
     def step_information(self, i, hypothesis):
-        """Return ``xᵀ P̃ x``, (n,), for a step x before each of the n rows of group i.
+        """Return how well n rows of a group would show a step before each of them, (n,).
 
-        x is zero before the step and one after it, so the result is the Fisher information of the
-        group about the size of the step. P̃ is the precision of the training rows without the
-        nuisance parameters, under the noise hypothesis of index `hypothesis`.
+        An entry is the Fisher information about the size of a step: ``xᵀ P̃ x`` for the column x,
+        which is zero before the step and one after it. P̃ is the precision of the training rows
+        after the nuisance parameters are projected out. `i` is the index of the group of rows, and
+        `hypothesis` the index of the noise hypothesis.
         """
         if (i, hypothesis) not in self._steps:
             precision = self.evidence.row_groups[i].noise.precision[hypothesis]
@@ -202,10 +211,11 @@ class TrainingFit:
         return self._steps[i, hypothesis]
 
     def fit(self, effects, axis):
-        """Return the Fit of one axis, an index, to the training rows with some effects.
+        """Return the Fit of a model with some effects to the training rows on one axis, or None.
 
-        It is None if the derivatives with respect to the parameters of the effects (columns) are
-        linearly dependent, or if there are as many columns as rows.
+        `axis` is the index of the axis. The effects have columns there: derivatives with respect to
+        their parameters. The result is None if the columns are linearly dependent, or if there are
+        as many columns as rows.
         """
         key = tuple(effects)
         if key not in self._fits:
@@ -213,12 +223,14 @@ class TrainingFit:
         return self._fits[key][axis]
 
     def fits(self, base, additions):
-        """Fit the base effects, already in the model, with each of several tuples of further ones.
+        """Return the fits of the base effects together with each of several additions.
 
         Parameters
         ----------
         base : tuple of Effect
+            Effects that are in the model already and in every fit.
         additions : list of tuple of Effect
+            For each fit the effects that it has in addition.
 
         Returns
         -------
@@ -247,7 +259,7 @@ class TrainingFit:
         return fits
 
     def _fit(self, shared, sets):
-        """Fit some columns that are in every fit, plus each of s sets of q further columns.
+        """Return fits of columns that are in every fit, with each of s sets of further columns.
 
         A column is the derivative of all rows on one axis by one parameter of an effect. The
         Evidence stores it under a number.
@@ -257,7 +269,7 @@ class TrainingFit:
         shared : tuple of int
             Numbers of the columns in every fit.
         sets : ndarray, shape (s, q) of int
-            Numbers of the further columns of each set.
+            Numbers of the q further columns of each set.
 
         Returns
         -------
@@ -317,24 +329,26 @@ class TrainingFit:
         return fits
 
     def hypothesis(self, fit):
-        """Return the index of the noise hypothesis that estimates of parameters use.
+        """Return the index of the noise hypothesis under which parameters are estimated.
 
-        It is the likeliest hypothesis, by the Fit `fit`, of those that may be used for estimates
+        It is the likeliest one, by the Fit `fit`, of the hypotheses that estimates may use
         (`Evidence.estimation_mask`).
         """
         allowed = np.where(self.evidence.estimation_mask, fit.log_probability, -np.inf)
         return int(np.argmax(allowed))
 
     def solve(self, effects, axis):
-        """Return the estimates of one axis: nuisance parameters and coefficients of columns.
+        """Return all parameters of a fit on one axis: nuisance parameters, then coefficients.
+
+        `axis` is the index of the axis.
 
         Returns
         -------
         list of ndarray, shape (p,)
             For each group of rows its p nuisance parameters, which are in every fit.
         ndarray, shape (k,)
-            The coefficients of the k columns that `effects` have on the axis, an index. They are
-            zero if the columns are linearly dependent.
+            The coefficients of the k columns that `effects` have on the axis. They are zero if the
+            columns are linearly dependent.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None and columns:
@@ -355,10 +369,10 @@ class TrainingFit:
         return nuisances, coefficients
 
     def residuals(self, effects, axis):
-        """Return the residuals of all N rows on one axis, (N,), SI, from a fit with some effects.
+        """Return the residuals of all N rows on one axis, (N,), SI, by a model with some effects.
 
-        The fit is to the training rows alone, so the residuals of the other rows are held-out
-        errors. `axis` is the index of the axis.
+        The model is fitted to the training rows alone, so the residuals of the other rows are
+        held-out errors. `axis` is the index of the axis.
         """
         nuisances, coefficients = self.solve(effects, axis)
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
@@ -373,10 +387,11 @@ class TrainingFit:
     def estimate(self, effects, axis):
         """Return the coefficients, (k,), of the effects' k columns and their covariance, (k, k).
 
-        `axis` is the index of the axis. The coefficients are estimated with the precision P̃ under
-        the likeliest noise hypothesis of those that estimates may use. Their covariance is
-        ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z, ``A = Zᵀ P̃ Z`` and the noise covariance Σ
-        averaged over all hypotheses. Both results are None if the columns are linearly dependent.
+        `axis` is the index of the axis. P̃ is the precision of the training rows after the nuisance
+        parameters are projected out, under the likeliest noise hypothesis that estimates may use.
+        It gives the coefficients. Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z,
+        ``A = Zᵀ P̃ Z`` and the noise covariance Σ averaged over all hypotheses. Both results are
+        None if the columns are linearly dependent.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:
@@ -389,11 +404,13 @@ class TrainingFit:
         return fit.coefficients[self.hypothesis(fit)], inverse @ variance @ inverse
 
     def moments(self, fit, columns):
-        """Return ``Zᵀ P̃ Z``, (k, k), and the covariance of ``Zᵀ P̃ r``, ``Zᵀ P̃ Σ P̃ Z``, (k, k).
+        """Return the information about the coefficients of k columns Z, and its variance by noise.
 
-        `columns` are Z, (N, k). P̃ is the precision of the training rows without the nuisance
-        parameters, under the noise hypothesis that estimates by the Fit `fit` use. The covariance Σ
-        of the noise r is averaged over all hypotheses.
+        The information is ``Zᵀ P̃ Z``, (k, k). The variance is ``Zᵀ P̃ Σ P̃ Z``, (k, k): the
+        covariance of the products ``Zᵀ P̃ r`` if r is noise. `columns` are Z, (N, k). P̃ is the
+        precision of the training rows after the nuisance parameters are projected out. It belongs
+        to one noise hypothesis, which the Fit `fit` selects (see `hypothesis`). The noise
+        covariance Σ is averaged over all hypotheses.
         """
         hypothesis, information, variance = self.hypothesis(fit), 0.0, 0.0
         for i, z in enumerate(self.evidence.split(columns)):

@@ -33,11 +33,13 @@ class ResidualGroup:
     """
 
     values: np.ndarray  # (n,): residuals of a fit, SI
-    errors: np.ndarray  # (n, 1): their held-out errors; nan where they were not predicted
+    errors: np.ndarray  # (n, 1): held-out errors; nan for a residual that was not predicted
     jacobian: np.ndarray  # (n, p): derivative with respect to the parameters of the fit
-    covariances: list  # m arrays, (n, n): each is one alternative; the noise as estimated is first
-    error_covariances: list  # m arrays, (n, n): covariance of the held-out errors by each of them
-    kinds: list  # for each kind of residual, such as rotation, its residuals, (n,) of bool
+    # m arrays, (n, n): covariance of the residuals by each alternative; the first is the noise as
+    # estimated
+    covariances: list
+    error_covariances: list  # m arrays, (n, n): covariance of the held-out errors by each
+    kinds: list  # for each kind of residual, such as rotation, a mask of its residuals, (n,)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class NoiseComparison:
 
 
 def compare_with_noise(groups, log_prior, fitted=0):
-    """Compare residuals with those that the noise alone would give.
+    """Return the comparison of residuals with the residuals that the noise alone would give.
 
     Parameters
     ----------
@@ -96,10 +98,11 @@ def compare_with_noise(groups, log_prior, fitted=0):
 
 
 def heldout_p_value(groups, m, k):
-    """Return the probability that noise alone gives held-out errors as large as these, a float.
+    """Return the probability that noise alone gives larger held-out errors than these, a float.
 
-    Only residuals of one kind count. `groups` are ResidualGroups, `m` is the index of the
-    alternative of the noise, and `k` the index of the kind of residual.
+    Errors are compared by their sum of squares over the residuals of one kind. `groups` are
+    ResidualGroups, `m` is the index of the alternative of the noise, and `k` is the index of the
+    kind of residual.
     """
     square, blocks = 0.0, []
     for group in groups:
@@ -113,7 +116,9 @@ def verdict(above_before, above_after, effects):
     """Return the verdict on a residual, one of `TESTED`.
 
     `above_before` and `above_after`, bool, say whether the residual is larger than the noise
-    explains, without and with the added effects; `effects`, bool, says whether there are any.
+    explains: before and after effects were added to the model. `effects`, bool, says whether any
+    effect was added. Without effects the verdict is ``consistent`` or ``unexplained``, with effects
+    ``explained`` or ``partly_explained``.
     """
     if not effects:
         return "unexplained" if above_before else "consistent"
@@ -123,15 +128,16 @@ def verdict(above_before, above_after, effects):
 def calibration_verdict(records, static):
     """Return the worst verdict of the records that a sensor's calibration comes from, one word.
 
-    The result is ``not_testable`` if no record was tested. Poses and the comparison to a reference
-    always count. Other records, such as motion, count if they added an effect.
+    Poses and the comparison to a reference always count. The static record counts if there is a
+    static session. Any other record, such as motion, counts if it added an effect. The result is
+    ``not_testable`` if no record was tested.
 
     Parameters
     ----------
     records : dict of str to dict
         For each kind of record of the sensor, its part of diagnosis.json.
     static : bool
-        Whether there is a static session: then the static record counts, too.
+        Whether there is a static session.
     """
     always_counted = ("poses", "reference", *["static_record"] * static)
     verdicts = [
@@ -145,9 +151,10 @@ def calibration_verdict(records, static):
 def may_lack_effect(content):
     """Return whether the model of a record may lack an effect, a bool.
 
-    It may lack an effect if the verdict says so, or if only more slow noise than was estimated
-    explains the residuals, as a missing effect can look like slow noise. `content` is the part of
-    diagnosis.json on this record, a dict.
+    `content` is the part of diagnosis.json on this record, a dict. The model may lack an effect in
+    two cases. In the first, the verdict is ``unexplained`` or ``partly_explained``. In the second,
+    the residuals need more slow noise than was estimated (``slow_noise``): a missing effect can
+    look like slow noise.
     """
     return content["verdict"] in LEFT or content.get("slow_noise", False)
 
@@ -158,9 +165,10 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
     The floor is the held-out error that the noise alone gives. A residual is too large in two
     cases:
 
-    - χ² of the fit is too large, and the held-out error is above its floor.
-    - The held-out error is above its floor by more than `MARGIN`, and is too large for the noise.
-      χ² does not matter here: even a wrong effect fits the data by which it was chosen.
+    - The p-value of χ² is below `significance`, and the held-out error is above its floor.
+    - The held-out error is above its floor by more than the factor `MARGIN`, and its p-value is
+      below the significance. χ² does not matter here: even a wrong effect fits the data by which it
+      was chosen.
 
     Parameters
     ----------
@@ -180,11 +188,12 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
 
 
 def why_not_shown(kind, limits, units):
-    """Return the reason, text, why these data cannot show an effect of any possible size, or None.
+    """Return the reason, text, why even the largest possible effect would not show, or None.
 
-    `kind` is the kind of effect, whose `limit` is the largest possible size. `limits` are the least
-    sizes that the data would show, SI, and `units` their units, both dicts by parameter; `limits`
-    is empty if the data would show no size that was tried.
+    The reason is that the detection limit of every parameter is above the largest possible size, or
+    that a limit does not exist. `kind` is the kind of effect, whose `limit` is the largest possible
+    size. `limits` are the least sizes that the data would show, SI, and `units` their units, both
+    dicts by parameter. `limits` is empty if the data would show no size that was tried.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

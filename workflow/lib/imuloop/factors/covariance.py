@@ -16,10 +16,11 @@ PARTS = 4
 
 
 class ChannelMeans:
-    """Means of the noise of a channel over M windows: the n rests, then the parts of the m moves.
+    """The noise of a channel, averaged over M windows of a recording, and its covariance.
 
-    Each move has `PARTS` parts of equal length. Slow noise (flicker and random walk) is taken
-    relative to the mean of this noise over all rests, because that mean is part of the bias.
+    The windows are the n rests, then `PARTS` parts of equal length of each of the m moves: M = n +
+    `PARTS` m. Slow noise (flicker and random walk) is taken relative to its mean over all rests,
+    because that mean is part of the bias.
 
     Parameters
     ----------
@@ -28,7 +29,7 @@ class ChannelMeans:
     """
 
     def __init__(self, rests, moves):
-        """Compute the start and end of each window, s, `windows`, (M, 2)."""
+        """Compute the windows, (M, 2), start and end of each, s."""
         self.rests = rests
         ends = np.linspace(moves.start_s, moves.end_s, PARTS + 1)
         parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
@@ -41,17 +42,17 @@ class ChannelMeans:
     def of_one(self):
         """Covariance of the M means, (M, M), by slow noise with a coefficient of one SI unit.
 
-        It is a dict with the keys 'B', flicker, and 'K', random walk.
+        The value is a dict: key 'B' for flicker, 'K' for random walk.
         """
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {term: self._subtract_mean(self._covariance(one)) for term, one in ones.items()}
 
     def covariance(self, noise, channel):
-        """Return the covariance of the M means of a channel, (M, M), SI units squared.
+        """Return the covariance of the M means of one channel, (M, M), SI units squared.
 
-        It is the sum of the covariance by the NoiseModel `noise` and the variance that rounding and
-        tilts add to the rests. The white noise of moves is left out: `ResidualCovariance` adds it
-        sample by sample. `channel` is the index of the channel, in the order ax … gz.
+        `channel` is the index of the channel, in the order ax … gz. The covariance by the
+        NoiseModel `noise` is added to the variance of rests by rounding and tilts. White noise in
+        moves is left out: `ResidualCovariance` adds it sample by sample.
         """
         rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
         # only white noise and quantisation: all other noise is slow
@@ -73,13 +74,17 @@ class ChannelMeans:
         return covariance + slow
 
     def _covariance(self, model):
-        """Return the covariance of the M means, (M, M), by an AxisNoise, the noise of a channel."""
+        """Return the covariance of the M means, (M, M), for a channel with the noise `model`.
+
+        `model` is an AxisNoise, the coefficients of the noise.
+        """
         return model.mean_covariance(self.windows, self.edges)
 
     def _subtract_mean(self, covariance):
-        """Return the covariance, (M, M), of the M means minus the mean over all rests.
+        """Return the covariance, (M, M), of the M means minus their mean over all rests.
 
-        `covariance`, (M, M), belongs to the means themselves. Rests count by their duration.
+        `covariance`, (M, M), belongs to the M means before this subtraction. In the mean over all
+        rests, each rest has its duration as its weight.
         """
         share = np.zeros(len(covariance))
         share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
@@ -88,20 +93,24 @@ class ChannelMeans:
 
 
 class ResidualCovariance:
-    """The covariance that the noise predicts for the residuals of a recording at a state.
+    """The covariance of the residuals of a recording by noise, at given parameters of the sensors.
 
     The recording has n rests and m moves between them. The noise of each channel enters the
-    residuals in two ways. Slow noise and the noise of rests enter by M means of the channel, over
-    the rests and over `PARTS` parts of each move; the gain is the derivative of the residuals with
-    respect to these means. White noise within a move, and errors by undersampling, dropped samples
-    and jitter, enter the residuals of that move only, and correlate the residuals of the rotation
-    and of the velocity of a move. Noise of different power cycles is independent.
+    residuals in two ways:
+
+    - Slow noise, and the noise of rests, enter by M means of the channel: over the rests and over
+      `PARTS` parts of each move. The gain is the derivative of the residuals with respect to these
+      means.
+    - White noise within a move, and errors by undersampling, dropped samples and jitter, enter the
+      residuals of that move only. They correlate the residuals of its rotation and its velocity.
+
+    Noise of different power cycles is independent.
 
     The argument is the Linearised factors, of whose residuals the fit uses N.
     """
 
     def __init__(self, linearised):
-        """Store the residuals of moves, and compute how all residuals depend on the means."""
+        """Store the residuals of moves, and compute the gains, which tell how means enter."""
         measured, self.means = linearised.measured, linearised.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
         self.rows, self.places = linearised.move_rows, linearised.places
@@ -111,9 +120,9 @@ class ResidualCovariance:
         self.gains = [csr_array(gain) for gain in self._gains(linearised.rest_rows)]
 
     def by(self, noise, aliasing=True):
-        """Return the covariance, (N, N), of the N residuals that the fit uses, by a NoiseModel.
+        """Return the covariance of the N residuals in the fit, (N, N), by a NoiseModel.
 
-        The covariance includes the errors of rotations by undersampling if `aliasing` is true.
+        If `aliasing` is true, errors of rotations by undersampling are included.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
@@ -129,30 +138,38 @@ class ResidualCovariance:
         return self._select_counted(covariance)
 
     def component(self, channel, term):
-        """Return the covariance, (N, N), of the N residuals that the fit uses, by one noise term.
+        """Return the covariance of the N residuals in the fit, (N, N), by one term of slow noise.
 
-        The term is flicker, 'B', or random walk, 'K', of the channel with the name `channel`, with
-        a coefficient of one SI unit.
+        `channel` is the name of the channel. `term` is 'B', flicker, or 'K', random walk. Its
+        coefficient is one SI unit.
         """
         gain = self.gains[CHANNELS.index(channel)]
         return self._select_counted(_propagate(gain, self.means.of_one[term]))
 
     def of_aliasing(self):
-        """Return the covariance, (N, N), of the N residuals that the fit uses, by undersampling."""
+        """Return the covariance of the N residuals in the fit, (N, N), by undersampling.
+
+        If the samples of a move are too far apart to show all of its motion, its rotation has an
+        error.
+        """
         total, places = np.zeros((len(self.counted),) * 2), self.places
         total[places[:, :, None], places[:, None]] = self._extra(self.moves.aliasing_covariance)
         return self._select_counted(total)
 
     def _select_counted(self, covariance):
-        """Return the part, (N, N), of the covariance of all residuals that the fit uses."""
+        """Return the part of a covariance that belongs to the N residuals in the fit, (N, N).
+
+        `covariance`, (L, L), belongs to all L residuals of the recording.
+        """
         counted = self.counted
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
 
     @cached_property
     def _within(self):
-        """Covariance of the a residuals of each move by white noise within it, (6, m, a, a).
+        """Covariance of the residuals of each move by white noise of density one, (6, m, a, a).
 
-        The first axis is the channel, in the order ax … gz. The noise has the density one.
+        The axes are the channel, in the order ax … gz, the move, and twice the a residuals of the
+        move.
         """
         a = self.rows.residual.shape[1]
         by_turn = np.moveaxis(self.rows.by_turn, -1, 0)
@@ -166,10 +183,10 @@ class ResidualCovariance:
         return covariance
 
     def _extra(self, covariance):
-        """Return the covariance of each move's a residuals by errors of its rotation, (m, a, a).
+        """Return the covariance, (m, a, a), of each move's a residuals by errors of its rotation.
 
-        `covariance`, (m, g, 3, 3), rad², is the covariance of the errors that arise in each of g
-        parts of the rotation, on body axes.
+        `covariance`, (m, g, 3, 3), rad², belongs to these errors: a move has g of them, which arise
+        in g parts of the rotation, each on three body axes.
         """
         # (m, g): index of the time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
@@ -178,16 +195,16 @@ class ResidualCovariance:
 
     @cached_property
     def _tilt_columns(self):
-        """Columns C, (3, L, c), of the covariance ``C Cᵀ`` by white noise of each rate at tilts.
+        """Columns C, (3, L, c): white noise in rests with a tilt gives the covariance ``C Cᵀ``.
 
-        The first axis numbers the three rates, L is the number of all residuals, used by the fit or
-        not, and c the number of columns.
+        The axes are the three angular rates, the L residuals, whether the fit uses them or not, and
+        c columns for each rate. The noise has the density one.
 
         If the device tilts in a rest of duration T, the direction of gravity at its start and at
         its end follows from the mean direction and a small rotation by the gyroscope. White noise n
-        of density one changes these rotations by ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T)
-        ds`` to the start, with the time s since the start of the rest. The variances of both errors
-        are T/3, and their covariance is -T/6.
+        changes these rotations by ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start,
+        with the time s since the start of the rest. The variances of both errors are T/3, and their
+        covariance is -T/6.
         """
         rests, first, columns = self.rests, self.moves.first, []
         for k in np.flatnonzero(rests.tilt > 0):
@@ -200,12 +217,12 @@ class ResidualCovariance:
         return np.array(columns).reshape(-1, len(self.counted), 3).transpose(2, 1, 0)
 
     def _gains(self, rest_rows):
-        """Return the derivative of all residuals with respect to the M means of each channel.
+        """Return the derivative of all L residuals with respect to the means of each channel.
 
-        The result is (6, number of residuals, M), with the channels in the order ax … gz. The M
-        means are those over the n rests, then those over `PARTS` parts of each move. K and T of the
-        gyroscope are taken as one, which they are within a few percent. Takes the residuals at
-        rests and their derivatives, RestRows of accelerometer and gyroscope.
+        The result is (6, L, M): the six channels in the order ax … gz, the residuals, and M means
+        of the channel, first over the n rests, then over `PARTS` parts of each move. K and T of the
+        gyroscope are taken as one, which they are within a few percent. `rest_rows` has the
+        residuals at rests and their derivatives, RestRows of accelerometer and gyroscope.
         """
         rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
         gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
@@ -231,10 +248,11 @@ class ResidualCovariance:
 
 
 def _integrate_parts(values, seconds, passed):
-    """Return the integrals of values over `PARTS` equal parts of each move, (m, PARTS, a, 3).
+    """Return the integrals over time of values in `PARTS` equal parts of each move.
 
-    `values`, (m, k, a, 3), has k values per move. `seconds`, (m, k), is the time that each value
-    lasts, and `passed`, (m, k), the time from the start of the move to each value, s.
+    The result is (m, `PARTS`, a, 3). `values`, (m, k, a, 3), has k values of shape (a, 3) for each
+    of m moves. `seconds`, (m, k), is the time that each value lasts, and `passed`, (m, k), the time
+    from the start of the move to each value, s.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]
@@ -243,8 +261,8 @@ def _integrate_parts(values, seconds, passed):
 
 
 def _propagate(gain, covariance):
-    """Return the covariance ``G C Gᵀ``, (N, N), of G x, for a gain G, (N, M), and a covariance C.
+    """Return the covariance ``G C Gᵀ``, (N, N), of G x, if x has the covariance C, (M, M).
 
-    C, (M, M), is the covariance of x. G may be sparse.
+    G is the `gain`, (N, M), which may be sparse.
     """
     return gain @ (gain @ covariance).T

@@ -31,7 +31,7 @@ OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 
 @dataclass(frozen=True)
 class Factors:
-    """The choice of the measurements that count in a fit.
+    """The choice of the residuals that count in a fit of rests and moves.
 
     Each rest gives residuals of the norm of gravity and of the angular rate. Each move, from one
     rest to the next, gives residuals of its rotation and of the velocity at its end.
@@ -43,7 +43,7 @@ class Factors:
     sensors : tuple of str
         Sensors whose data count.
     quiet : ndarray of bool, shape (m,), or None
-        Whether the fit uses the velocity of each move; None if it uses no velocity.
+        Whether the fit uses the velocity of each of m moves; None if it uses no velocity.
     share : ndarray, shape (m, 3, 2), or None
         Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. This
         velocity is subtracted from the residual of the velocity. None stands for zero.
@@ -69,11 +69,14 @@ class Factors:
         return kinds
 
     def every_row(self, recording):
-        """Return four arrays, (M,), with a value for each of M residuals of a Recording.
+        """Return four arrays, (M,), that describe all M residuals of a Recording.
 
-        The arrays have the kind of the residual, the index of the rest where the residual starts,
-        the index of the rest where it ends, and whether the fit uses the residual. The arrays leave
-        out all velocities if the fit uses none of them.
+        1. The kind of each residual.
+        2. The index of the rest where the residual starts.
+        3. The index of the rest where it ends; for the residual of a rest, the same rest.
+        4. Whether the fit uses the residual.
+
+        If the fit uses no velocity, the arrays leave out all velocities.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds
@@ -91,25 +94,26 @@ class Factors:
     def rows(self, recording):
         """Return the rests, (N, 2) of int, and the kind, (N,) of str, of N residuals.
 
-        The N residuals are those of a Recording that the fit uses. The rests are given by the
-        indices of the rest where the residual starts and of the rest where it ends.
+        They are the residuals of a Recording that the fit uses. The columns of the first array are
+        the index of the rest where the residual starts, and of the rest where it ends.
         """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
 
     def owners(self, recording):
-        """Return the owner of each of the N residuals of a Recording that count, (N,) of str.
+        """Return the owner of each of the N residuals of a Recording in the fit, (N,) of str.
 
-        It is the name of a sensor, or "motion" for a velocity, which depends on both.
+        The owner is the name of the sensor that the residual measures. A velocity depends on both
+        sensors: its owner is "motion".
         """
         return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def linearised_about(self, recording, state):
         """Return the Measurements of a Recording, with the effects linearised about a State.
 
-        Effects depend on calibrated values. The State, the parameters of both sensors and of the
-        effects, gives these values. If the accelerometer is not used (for example, it is dead), all
-        poses get gravity along z as a placeholder. Then an effect of the specific force on the
+        Effects depend on calibrated values. The State gives these values: it has the parameters of
+        both sensors and of the effects. If the accelerometer is not used (for example, it is dead),
+        all poses get gravity along z as a placeholder. Then an effect of the specific force on the
         gyroscope is the same in all poses, as a bias is.
         """
         if "accelerometer" not in self.sensors:
@@ -120,9 +124,10 @@ class Factors:
     def without_rotation(self, recording, state, noise):
         """Return the Factors whose velocity residuals are independent of the rotation residuals.
 
-        From the velocity of each of m moves the new Factors subtract the velocity that the residual
-        of its rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from
-        the covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
+        The residual of a rotation predicts a part of the velocity residual of the same move, as
+        both have the same noise. The new Factors subtract this part, which is `share`, (m, 3, 2),
+        times the residual of the rotation, for each of m moves. The share follows from the
+        covariance of both residuals in a Recording, at a State, by the NoiseModel `noise`.
         """
         all_moves = np.ones(len(recording.rotations), dtype=bool)
         factors = replace(self, share=None, quiet=all_moves)
@@ -138,9 +143,9 @@ class Factors:
 class Measurements:
     """Rests and moves of a recording, with the effects linearised about a State.
 
-    `factors` says which residuals of the rests and moves count. The effects depend on calibrated
-    values of both sensors, which the State `linearisation_point` gives during the whole fit. So the
-    effects are linear in their parameters.
+    `factors` says which residuals of the rests and moves the fit uses. Effects depend on calibrated
+    values of both sensors. The State `linearisation_point` gives these values during the whole fit,
+    so that the effects are linear in their parameters.
     """
 
     factors: Factors
@@ -166,17 +171,18 @@ class Measurements:
     def designs(self):
         """By sensor, the derivative of the sum of its effects with respect to their q parameters.
 
-        It is a pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None
-        for the accelerometer if no velocity counts.
+        The derivative is a pair: at the rests, (n, 3, q), and at the samples of the moves, (m, k,
+        3, q). The latter is None for the accelerometer if the fit uses no velocity. The axis of
+        length 3 has the axes of the sensor.
         """
         return self.designs_at(self.linearisation_point)
 
     def designs_at(self, state):
-        """Return the derivatives of the effects of a State, a dict by sensor.
+        """Return `designs`, the derivatives of the effects, at another State, a dict by sensor.
 
         The derivative of the sum of a sensor's effects with respect to their q parameters is a
-        pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None for the
-        accelerometer if no velocity counts.
+        pair: at the rests, (n, 3, q), and at the samples of the moves, (m, k, 3, q). The latter is
+        None for the accelerometer if the fit uses no velocity.
         """
         recording = self.recording
         return {
@@ -190,16 +196,16 @@ class Measurements:
         }
 
     def at(self, x):
-        """Return the residuals and their Jacobian at the parameters x, (p,), a Linearised."""
+        """Return the residuals and their Jacobian at the parameters `x`, (p,), a Linearised."""
         return Linearised(self, State(x, self.linearisation_point.effects))
 
 
 def _design(sensor, state, table, channels):
-    """Return the derivative of the sum of a sensor's effects at a State, (..., 3, q).
+    """Return the derivative of the sum of a sensor's effects by their q parameters, (..., 3, q).
 
-    The derivative is with respect to the q parameters of the effects. `table` is the Poses or the
-    Rotations, at whose values it is taken. `channels` is the method of the recording that returns
-    the Channels there, on which effects depend.
+    It is taken at the values in `table`, the Poses, (n, 3, q), or the Rotations, (m, k, 3, q). The
+    State has the effects and the calibration. `channels` is the method of the recording that
+    returns the Channels there: the inputs of effects.
     """
     # values of the sensor and of the other one, nominal SI
     y, other_y = (getattr(table, name) for name in OWN[sensor])

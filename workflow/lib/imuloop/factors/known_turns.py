@@ -42,10 +42,10 @@ class KnownTurns:
     def estimate_sensor(self):
         """Return the gyroscope, a Sensor, that fits the turns best.
 
-        Its bias b is the mean angular rate of the rests. a is the integral of the angular rate over
-        a turn, L its duration, θ its known angle, and u its axis. The matrix T K is the
-        least-squares solution of ``T K (a - b L) = θ u``, or the identity if the turns do not
-        determine it, as with one axis only.
+        Its bias b is the mean angular rate of the rests. Its matrix T K, misalignment times scale
+        factors, is the least-squares solution of ``T K (a - b L) = θ u`` for all turns. a is the
+        integral of the angular rate over a turn, L its duration, θ its known angle, and u its axis.
+        T K is the identity if the turns do not determine it, as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
@@ -55,13 +55,14 @@ class KnownTurns:
         return Sensor(ENTRIES["gyroscope"], T=gain / K, K=K, b=self.bias, p=np.zeros(0))
 
     def rows(self):
-        """Return R, (3 m, 21), and z, (3 m,), such that ``R x - z`` has mean zero and variance one.
+        """Return the turns as a prior: R, (3 m, 21), and z, (3 m,), with ``R x - z`` near zero.
 
         x is the state: the 21 parameters of both sensors, without effects, in nominal SI.
-        ``R x - z`` are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard
-        deviation `BY_HAND`: T K and b are matrix and bias of the gyroscope, a is the integral of
-        the angular rate, L the duration, θ the known angle, and u the axis of the turn. The
-        residuals are linearised about the gyroscope that fits the turns best.
+        ``R x - z`` has mean zero and variance one. It has the three components of the residual
+        ``T K (a - b L) - θ u`` of each of m turns, over their standard deviation `BY_HAND`. T K and
+        b are matrix and bias of the gyroscope, a is the integral of the angular rate, L the
+        duration, θ the known angle, and u the axis of the turn. The residuals are linearised about
+        the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
         best = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
@@ -75,10 +76,10 @@ class KnownTurns:
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
-        """Return the rotation by the gyroscope minus the known rotation of each turn, rad, (m, 3).
+        """Return for each turn the rotation by the gyroscope minus the known rotation, rad, (m, 3).
 
         It is ``T K (a - b L) - θ u`` on body axes, with the matrix T K and the bias b of the
         gyroscope, the integral a of the angular rate, the duration L, the angle θ and the axis u.
-        Takes the calibration of the gyroscope, a SensorCalibration or a Sensor.
+        `calibration` is the calibration of the gyroscope, a SensorCalibration or a Sensor.
         """
         return self.seconds[:, None] * calibration.aligned(self.rate) - self.target

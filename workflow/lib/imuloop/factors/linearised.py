@@ -14,9 +14,10 @@ from imuloop.model.state import BIAS, COUNT, NAMES, State
 
 @dataclass(frozen=True)
 class MoveTerm:
-    """How the last a residuals of m moves depend on calibrated values of one sensor.
+    """How residuals of m moves depend on the calibrated values of one sensor: one term of a sum.
 
-    The values are k samples of each move, or the mean over the rest before or after it.
+    The values are k samples of each move, or the mean over the rest before or after it; then k is
+    one. The term enters the last a residuals of each move.
     """
 
     sensor: str
@@ -28,23 +29,24 @@ class MoveTerm:
     def design(self, designs):
         """Return the derivative of the sensor's effects at the values, (m, k, 3, q).
 
-        `designs` has by sensor the derivatives at the rests, (n, 3, q), and along the moves,
-        (m, k, 3, q).
+        It is with respect to the q parameters of the effects, on the three axes of the sensor.
+        `designs` has by sensor the derivatives at the rests, (n, 3, q), and at the samples of the
+        moves, (m, k, 3, q).
         """
         at_rests, along = designs[self.sensor]
         return along if self.rest is None else at_rests[self.rest, None]
 
     def rows(self, places):
-        """Return the indices of the residuals in a Jacobian, (m, a, 1).
+        """Return the indices of the a residuals of each move in a Jacobian, (m, a, 1).
 
-        `places` has the indices of all residuals of each move. A force during the move changes only
-        the last ones, the velocities.
+        `places` has the indices of all residuals of each move. The term enters the last ones: a
+        force during the move changes only the velocities.
         """
         return places[:, -self.weights.shape[2] :, None]
 
 
 class Linearised:
-    """Residuals of n rests and m moves of k samples at a state, with their Jacobian.
+    """Residuals of n rests and m moves of k samples, with their Jacobian, at given parameters.
 
     Each kind of residual is a factor of the fit. A move lies between two rests.
 
@@ -59,7 +61,7 @@ class Linearised:
     up : ndarray, shape (n, 3)
         Direction of `force_at_rest`, a unit vector.
     across : ndarray, shape (n, 3, 3)
-        Derivative of the direction of `force_at_rest` with respect to `force_at_rest`.
+        Derivative of `up` with respect to `force_at_rest`.
     leaving, arriving : ndarray, shape (m, 3)
         Upward direction at the start and at the end of each move, as the accelerometer measures it
         at the rests.
@@ -136,7 +138,7 @@ class Linearised:
 
     @cached_property
     def move_terms(self):
-        """How the residuals of moves depend on calibrated values, a list of MoveTerm."""
+        """List of MoveTerm, whose sum is how the residuals of moves depend on calibrated values."""
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
         # the rate of a step is the mean of the rates at its ends
         by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
@@ -158,7 +160,7 @@ class Linearised:
 
     @cached_property
     def jacobian(self):
-        """Derivative, (N, p), of the N residuals that the fit uses by the p parameters."""
+        """Derivative of the N residuals that the fit uses with respect to p parameters, (N, p)."""
         designs, state = self.measured.designs, self.state
         jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
         for sensor, at_rest in zip(SENSORS, self.rest_rows, strict=True):
@@ -174,10 +176,11 @@ class Linearised:
         return jacobian[self.measured.counted]
 
     def columns(self, effects):
-        """Return the derivative of the N residuals with respect to effects that the state lacks.
+        """Return the derivative of the N residuals by effects that the state lacks, (N, q).
 
-        `effects` is a sequence of SensorEffect with q parameters; the derivative is taken where
-        they are zero. The result is (N, q), with a row for each residual that the fit uses.
+        `effects` is a sequence of SensorEffect with q parameters. The derivative is taken where
+        these parameters are zero, so it shows how the residuals would change if an effect were
+        added. There is a row for each residual that the fit uses.
         """
         state = State(self.measured.linearisation_point.x[:COUNT]).with_effects(effects)
         designs, n = self.measured.designs_at(state), len(self.measured.rests)
@@ -198,14 +201,15 @@ class Linearised:
 
     @cached_property
     def noise(self):
-        """The covariance by noise of the residuals at this state, a ResidualCovariance."""
+        """The ResidualCovariance, which gives the covariance of these residuals by noise."""
         return ResidualCovariance(self)
 
 
 def add_at_both_ends(values):
-    """Return, for each sample, the sum of the values of the steps before and after it, (m, k, ...).
+    """Return for each sample the sum of the values of the time steps next to it, (m, k, ...).
 
-    `values`, (m, k - 1, ...), belong to the time steps between the k samples of each move.
+    `values`, (m, k - 1, ...), belong to the steps between the k samples of each of m moves. The
+    first and the last sample have one step only.
     """
     sums = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
     sums[:, 1:] = values

@@ -59,15 +59,15 @@ class MoveRows:
     by_force: np.ndarray | None = None
 
     def append_to(self, other, share):
-        """Return MoveRows with the rows R of `other`, followed by ``S - share R``, S these rows.
+        """Return MoveRows that have the rows R of `other`, then the rows ``S - share R``.
 
-        With a suitable `share`, the subtraction makes the noise of the two parts independent.
-        `other`, MoveRows, has b components per move and does not depend on the force during the
-        move. `share` has the shape (m, a, b).
+        S are the rows of this object, with a components per move. `other`, MoveRows, has b
+        components per move, and does not depend on the force during the move. A suitable `share`,
+        (m, a, b), makes the noise of the two parts independent.
         """
 
         def stack(name, share):
-            """Return the field `name` of R and then of ``S - share R``, stacked by component."""
+            """Return one field, `name`, of R and then of ``S - share R``, along the components."""
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
@@ -81,7 +81,7 @@ class MoveRows:
 
 
 def gravity_norm(sensor, f, gravity, D):
-    """Return the RestRows, residuals of n rests and their derivatives, of the norm of gravity.
+    """Return the RestRows of gravity: the norm of specific force minus gravity, at n rests.
 
     The residual is ``r = |x| - g``, m/s^2, one component per rest: x is the calibrated specific
     force, g is gravity.
@@ -107,7 +107,7 @@ def gravity_norm(sensor, f, gravity, D):
 
 
 def rest_rate(sensor, w, D):
-    """Return the RestRows, residuals of n rests and their derivatives, of the angular rate.
+    """Return the RestRows of the angular rate, which should be zero at n rests.
 
     The residual is ``r = K (y - b) - e``, rad/s, three components on the sensor's axes. The
     misalignment T is left out: it does not change whether a rate is zero. The derivative of the
@@ -134,14 +134,14 @@ def rest_rate(sensor, w, D):
 
 
 def rotation(linearised):
-    """Return the MoveRows, residuals of m moves and their derivatives, of the rotations.
+    """Return the MoveRows of the rotations: the turn by the gyroscope against gravity's directions.
 
-    The residual is ``r = P Cᵀ u``, rad, two components per move. u is the upward direction at the
-    start of the move on body axes there, by the accelerometer. C is the rotation by the gyroscope,
-    which takes the body axes at the end to those at the start, so Cᵀ u is the upward direction on
-    the body axes at the end. The rows of P are two unit vectors normal to the upward direction that
-    the accelerometer measures at the end. A small rotation φ, on the axes at the start, changes
-    Cᵀ u by ``Cᵀ (u × φ)``. Takes the Linearised factors.
+    The residual is ``r = P Cᵀ u``, rad, two components for each of m moves. u is the upward
+    direction at the start of the move on body axes there, by the accelerometer. C is the rotation
+    by the gyroscope, which takes the body axes at the end to those at the start, so Cᵀ u is the
+    upward direction on the body axes at the end. The rows of P are two unit vectors normal to the
+    upward direction that the accelerometer measures at the end. A small rotation φ, on the axes at
+    the start, changes Cᵀ u by ``Cᵀ (u × φ)``. `linearised` are the Linearised factors.
     """
     P, u, first = tangents(linearised.arriving), linearised.leaving, linearised.measured.moves.first
     PCt = P @ matrix(linearised.after[:, -1]).swapaxes(1, 2)
@@ -156,10 +156,10 @@ def rotation(linearised):
 
 
 def velocity(linearised, rotation, share=None):
-    """Return the MoveRows of the rotations, followed by the rows of the velocity at the end, m/s.
+    """Return the MoveRows of the rotations, and then of the velocities at the end of each move.
 
-    MoveRows are residuals of m moves and their derivatives. The device rests before and after a
-    move, so the residual is the velocity at the end of a move of duration L,
+    The device rests before and after a move, so the velocity at the end of the move, m/s, is a
+    residual. In a move of duration L it is
 
         v = ∫ C f dt - g L u,
 
@@ -167,11 +167,11 @@ def velocity(linearised, rotation, share=None):
     force, u the upward direction at the rest before, and g gravity. The first component of a
     residual is along u, the other two are horizontal. An error of the attitude changes the vertical
     velocity in second order only, and the horizontal velocity by g times the integral of the error.
-    A small rotation φ during the move adds ``φ × v'`` to v, where v' is the velocity that the
-    device gains after it.
+    A small rotation φ at some time of the move adds ``φ × v'`` to v, where v' is the velocity that
+    the device gains from that time on.
 
-    Finally the velocity that the residual of the rotation predicts, `share` times this residual, is
-    subtracted, so that the noise of both residuals is independent.
+    The residual of the rotation predicts a velocity, `share` times this residual. It is subtracted
+    from v, so that the noise of both residuals is independent.
 
     Parameters
     ----------
@@ -180,7 +180,8 @@ def velocity(linearised, rotation, share=None):
     rotation : MoveRows
         The rows of the rotations.
     share : ndarray, shape (m, 3, 2), optional
-        Velocity that a residual of the rotation predicts, m/s per rad; zero by default.
+        Velocity that a residual of the rotation predicts for each of m moves, m/s per rad; zero by
+        default.
     """
     measured, u, after = linearised.measured, linearised.leaving, matrix(linearised.after)
     # derivative of the accelerometer's effects along the moves with respect to their parameters
@@ -208,12 +209,18 @@ def velocity(linearised, rotation, share=None):
 
 
 def midpoints(values):
-    """Return the means, (m, k - 1, ...), of neighbours along the second axis of (m, k, ...)."""
+    """Return the mean of each pair of neighbours along the second axis, (m, k - 1, ...).
+
+    `values` has the shape (m, k, ...), such as k samples of each of m moves.
+    """
     return (values[:, 1:] + values[:, :-1]) / 2
 
 
 def tangents(directions):
-    """Return two unit vectors, (n, 2, 3), normal to each unit vector, (n, 3), and to each other."""
+    """Return for each of n unit vectors two unit vectors normal to it and to each other, (n, 2, 3).
+
+    `directions`, (n, 3), are the n unit vectors.
+    """
     # the axis that is farthest from parallel to the direction
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, helper)
@@ -222,7 +229,10 @@ def tangents(directions):
 
 
 def cross_matrix(vectors):
-    """Return the matrices M, (..., 3, 3), with ``M a = v × a``, of vectors v, (..., 3)."""
+    """Return for each vector v the matrix M, (..., 3, 3), with ``M a = v × a`` for any a.
+
+    `vectors` are the vectors v, (..., 3).
+    """
     x, y, z = np.moveaxis(vectors, -1, 0)
     matrices = np.zeros((*vectors.shape, 3))
     matrices[..., 0, 1], matrices[..., 0, 2], matrices[..., 1, 2] = -z, y, -x
