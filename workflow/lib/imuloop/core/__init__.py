@@ -1,1 +1,1 @@
-"""What every stage shares: errors, files, units, samples, segments, rotations, noise model."""
+"""Modules that all stages use: errors, files, units, samples, segments, rotations, noise model."""

@@ -4,7 +4,7 @@ import difflib
 
 
 class ImuloopError(Exception):
-    """A fault of a declaration or an input; its text is one line, without a traceback."""
+    """A fault of a declaration or an input, which the user can correct; its text is one line."""
 
 
 class ImuloopWarning(UserWarning):
@@ -16,7 +16,7 @@ class Lacking(ImuloopError):
 
 
 class MachineFault(ImuloopError):
-    """The machine lacks a resource, above all room on the disk: the run stops."""
+    """The machine lacks a resource, such as room on the disk: the run stops."""
 
 
 class RejectedLog(ImuloopError):
@@ -29,39 +29,40 @@ def printable(text):
 
 
 def one_line(text):
-    """Return `text`, which may come from a log, on one line without control characters.
+    """Return a text on one line without control characters.
 
-    `text` may be an exception. For a ModuleNotFoundError, the line ends with the command that
-    installs the package.
+    So a text from a log cannot disturb a terminal. `text` may be an exception. For a
+    ModuleNotFoundError, the line ends with the command that installs the package.
     """
     command = "; pip install '.[all]'" if isinstance(text, ModuleNotFoundError) else ""
     return printable(" ".join(str(text).split())) + command
 
 
 def plural(count, noun, ending="s"):
-    """Return a count with its noun, such as ``3 poses``; a count of one adds no `ending`."""
+    """Return a count with its noun, such as ``3 poses``; a count of one has no `ending`."""
     return f"{count} {noun}{'' if count == 1 else ending}"
 
 
 def joined(words):
-    """Return words as a list in a sentence: a, b and c."""
+    """Return a list of words as text for a sentence: ``a, b and c``."""
     *first, last = words or [""]
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def did_you_mean(name, names, cutoff=0.6):
-    """Return the end of a message that names the one of `names` nearest to `name`.
+    """Return the end of a message that names the nearest of `names`: ``; did you mean 'ax'?``.
 
-    The result is empty if no name has at least the similarity `cutoff`, 0 to 1, as `difflib`
-    computes it.
+    `name` is an unknown name. The result is empty if no name has at least the similarity `cutoff`,
+    0 to 1, as `difflib` computes it.
     """
     near = difflib.get_close_matches(name, list(names), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def nearest(name, names, cutoff=0.6):
-    """Return the end of a message that names the one of `names` nearest to `name`, or all of them.
+    """Return the end of a message that names the nearest of `names`, or all if none is near.
 
-    All are named if none has at least the similarity `cutoff`, 0 to 1, as `difflib` computes it.
+    `name` is an unknown name. A name is near if it has at least the similarity `cutoff`, 0 to 1, as
+    `difflib` computes it.
     """
     return did_you_mean(name, names, cutoff) or f"; use one of {', '.join(names)}"

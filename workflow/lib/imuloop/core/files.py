@@ -1,4 +1,4 @@
-"""Files: a result is written to a temporary file, which is renamed, so that none is incomplete."""
+"""Files: results are written to a temporary file, then renamed, so that none is incomplete."""
 
 import errno
 import json
@@ -18,7 +18,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @contextmanager
 def replaced(path):
-    """Yield a temporary path in the folder of `path`; the file written there replaces `path`.
+    """Yield a temporary path in the folder of `path`; a file that is written there replaces `path`.
 
     The file is replaced at the end of the ``with`` block. If the block raises, the temporary file
     is removed. If the process is killed, the temporary file stays, and the next writer overwrites
@@ -40,7 +40,7 @@ def replaced(path):
 
 
 def make_folder(path):
-    """Make a folder, with those above it; raise an ImuloopError if the path is a file."""
+    """Make a folder and all folders above it; raise an ImuloopError if the path is a file."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -48,9 +48,10 @@ def make_folder(path):
 
 
 def refuse_overwriting(targets, sources):
-    """Raise an ImuloopError that names both files if a target is the same file as a source.
+    """Raise an ImuloopError if a file that is to be written is one that is read.
 
-    Links, folders and names in another case are recognised. A folder stands for all files in it.
+    `targets` are the paths to write, and `sources` the paths to read. A folder stands for all files
+    in it. Links, and names in another case, are recognised. The message names both files.
     """
     # files by device and inode, which are the same for all names of a file
     read = {key: path for source in sources for key, path in _files_at(source).items()}
@@ -65,7 +66,7 @@ def refuse_overwriting(targets, sources):
 
 
 def _files_at(path):
-    """Return the file at a path, or all files in the folder at it: paths by (device, inode)."""
+    """Return the file at a path, or all files in the folder there: paths by (device, inode)."""
     files, folders, waiting = {}, set(), [Path(path)]
     for place in waiting:
         # a file that does not exist, or may not be accessed, cannot be an input
@@ -82,7 +83,7 @@ def _files_at(path):
 
 
 def plain(value):
-    """Return `value` as JSON can hold it: arrays as lists, not-a-number and infinity as null."""
+    """Return a value that JSON can hold: arrays become lists, not-a-number and infinity None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -97,7 +98,7 @@ def plain(value):
 
 
 def write_json(path, content):
-    """Write `content` as JSON; a reader sees the old file or the whole new one.
+    """Write `content` as a JSON file; a reader sees the old file or the whole new one.
 
     Arrays become lists; not-a-number and infinity become null.
     """
@@ -106,11 +107,11 @@ def write_json(path, content):
 
 
 def read_json(path, most=None):
-    """Return the content of a JSON file of at most `most` bytes, by default of any size.
+    """Return the content of a JSON file.
 
-    Raises an ImuloopError if the file is not a regular file, is larger, or is not valid: not in
-    UTF-8, nested too deep, with a repeated key or with NaN. Raises a FileNotFoundError if there is
-    no such file.
+    `most` is the largest size of the file, bytes; by default any size is read. Raises an
+    ImuloopError if the file is not a regular file, is larger, or is not valid: not in UTF-8, nested
+    too deep, with a repeated key or with NaN. Raises a FileNotFoundError if there is no such file.
     """
     path = Path(path)
     size = path.stat().st_size
@@ -128,13 +129,19 @@ def read_json(path, most=None):
 
 
 def read_yaml(path):
-    """Return the content of a YAML file of the package; PyYAML's C parser is used if installed."""
+    """Return the content of a YAML file of the package.
+
+    PyYAML's parser in C is used if it is installed.
+    """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.load(Path(path).read_text(encoding="utf-8"), loader)
 
 
 def _object(pairs):
-    """Return the dict of a JSON object from its (key, value) `pairs`; refuse a repeated key."""
+    """Return the dict of a JSON object from its (key, value) pairs.
+
+    Raises a ValueError if a key is repeated.
+    """
     content = {}
     for name, value in pairs:
         if name in content:
@@ -144,5 +151,5 @@ def _object(pairs):
 
 
 def _refuse(name):
-    """Raise a ValueError for `name`, NaN, Infinity or -Infinity, which are not valid in JSON."""
+    """Raise a ValueError: `name` is NaN, Infinity or -Infinity, which JSON does not allow."""
     raise ValueError(f"{name} is no number")

@@ -4,11 +4,11 @@ import numpy as np
 
 
 def fisher(log_p):
-    """Return the logarithm of Fisher's combined p-value of k tests.
+    """Return the logarithm of the combined p-value of k independent tests, by Fisher's method.
 
-    `log_p` is a sequence of the logarithms of the k p-values. They are numbers, or arrays of one
-    shape, which is then the shape of the result. ``-2 Σ log p`` is χ² with 2k degrees of freedom,
-    whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at ``L = -Σ log p``.
+    `log_p` is a sequence of the logarithms of the k p-values, numbers or arrays of one shape. The
+    result has this shape. ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is
+    ``exp(-L) Σ_{i<k} Lⁱ/i!`` at ``L = -Σ log p``.
     """
     total = -sum(log_p)
     # each term of the sum follows from the one before

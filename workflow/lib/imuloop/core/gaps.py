@@ -1,15 +1,15 @@
 """Gaps: time steps in which samples are missing. There are three kinds.
 
 A *gap* is longer than `GAP_STEPS` usual steps; the usual step is the median. At least one sample is
-missing in it. Ingest counts gaps; rotations, windows and slow channels are corrected for them or
+missing in it. Ingest counts gaps. Rotations, windows and slow channels are corrected for them, or
 leave them out.
 
 A *long gap* is longer than `LONG_GAP_STEPS` usual steps. It is a segment of kind ``gap``, and so
 ends a rest or a motion.
 
-A segment of kind ``gap`` may also be a stretch in which a channel is stuck (`core.segments`). One
-that is longer than all segments of other kinds in its session together ends a *power cycle*
-(`core.segments.power_cycles`).
+A segment of kind ``gap`` may also be a stretch in which a channel is stuck (`core.segments`). If a
+segment of kind ``gap`` is longer than all segments of other kinds of its session together, it ends
+a *power cycle* (`core.segments.power_cycles`).
 """
 
 import numpy as np
@@ -21,17 +21,18 @@ LONG_GAP_STEPS = 9.5
 
 
 def gap_limit(usual, steps=GAP_STEPS):
-    """Return the longest time step that is not a gap, in the unit of the usual step `usual`.
+    """Return the time step above which a step is a gap, in the unit of `usual`.
 
-    `steps` is this limit in usual steps; a longer step is a gap.
+    `usual` is the usual step, and `steps` is the limit in usual steps.
     """
     return steps * usual
 
 
 def lost_samples(steps, usual):
-    """Return the number of samples that are missing in each time step, (n,) of int.
+    """Return the number of samples that are missing in each of n time steps, (n,) of int.
 
-    Takes the steps, (n,), and the usual step, both in s. The number is 0 in a step that is no gap.
+    `steps`, (n,), are the time steps, s, and `usual` is the usual one, s. The number is 0 in a step
+    that is not a gap.
     """
     is_gap = steps > gap_limit(usual)
     return np.where(is_gap, np.rint(steps / usual), 1).astype(int) - 1

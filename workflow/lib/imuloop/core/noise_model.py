@@ -1,4 +1,4 @@
-"""Noise coefficients of a device, and the covariance of means that follows from them."""
+"""Noise coefficients of a device, and the covariance that they give to means of the output."""
 
 from dataclasses import asdict, dataclass, fields, replace
 
@@ -20,7 +20,7 @@ _LEAST_EIGENVALUE = 1e-11
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient with its uncertainty."""
+    """One noise coefficient with its uncertainty."""
 
     value: float | None = None  # estimate, SI; None where the data do not support the term
     ci95: tuple[float, float] | None = None  # 95 % interval of `value`
@@ -29,19 +29,20 @@ class Coefficient:
 
     @property
     def square(self):
-        """Square of the value; 0 if the term is not identifiable."""
+        """Square of the value, SI squared; 0 if the data do not support the term."""
         return 0.0 if self.value is None else self.value**2
 
     @property
     def size(self):
-        """The value, or the upper limit of a term that is not identifiable, or None."""
+        """The value, SI, or the upper limit if the data do not support the term, or None."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
     def of(cls, value, error):
-        """Return the Coefficient, SI, with a value that the data support, and its standard error.
+        """Return the Coefficient with a value that the data support, and with a standard error.
 
-        The limits follow from a normal distribution; the 95 % interval does not go below zero.
+        `value` and `error` are in SI. The limits follow from a normal distribution; the 95 %
+        interval does not go below zero.
         """
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
@@ -49,7 +50,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class GaussMarkovTerm:
-    """First-order Gauss-Markov process: density `q` of the drive, correlation time `tc` in s."""
+    """First-order Gauss-Markov process: coefficient `q` of its drive, correlation time `tc`, s."""
 
     q: Coefficient
     tc: Coefficient
@@ -66,7 +67,7 @@ class SinusoidTerm:
 
 @dataclass(frozen=True)
 class LowPassTerm:
-    """Low-pass filter before the output, which all random processes but quantisation pass."""
+    """Low-pass filter before the output, through which all noise but quantisation passes."""
 
     kind: str  # key of `noise.gains.GAINS`
     corner: Coefficient  # frequency at which the power is a half, Hz
@@ -74,7 +75,7 @@ class LowPassTerm:
 
     @property
     def interval_hz(self):
-        """Rate, Hz, of a sensor whose values were held, interpolated or averaged; else None."""
+        """Rate of a sensor whose values were held, interpolated or averaged, Hz, or None."""
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
 
@@ -86,7 +87,8 @@ _TERMS = {"gauss_markov": GaussMarkovTerm, "sinusoid": SinusoidTerm, "low_pass":
 def _read(content, name=""):
     """Return a value of noise.json as the field `name` of an AxisNoise, or of one of its terms.
 
-    A dict becomes a term or a Coefficient, and a list or a tuple a tuple of them.
+    A dict becomes a Coefficient or, by the name of the field, a term. A list or a tuple becomes a
+    tuple of them.
     """
     if isinstance(content, (list, tuple)):
         return tuple(_read(value, name) for value in content)
@@ -98,12 +100,14 @@ def _read(content, name=""):
 
 @dataclass(frozen=True)
 class AxisNoise:
-    r"""Noise processes of one axis, which are independent, so that their Allan variances add.
+    r"""Noise of one axis: a sum of independent processes, whose Allan variances add.
 
     .. math::
         \sigma^2(\tau) = 3 Q^2/\tau^2 + N^2/\tau + (2 \ln 2/\pi) B^2 + K^2 \tau/3 + R^2 \tau^2/2
         + (q^2 T^2/\tau) [1 - (T/2\tau)(3 - 4 e^{-\tau/T} + e^{-2\tau/T})]
         + \Omega^2 [\sin^2(\pi f \tau)/(\pi f \tau)]^2
+
+    :math:`\tau` is the averaging time, s. The other symbols are named at the fields.
 
     References
     ----------
@@ -153,11 +157,11 @@ class AxisNoise:
         return variance
 
     def kernel(self, lags):
-        r"""Return a covariance of the integral X of the output at all pairs of m times, (m, m).
+        r"""Return the covariance of the integral X of the output at each two of m times, (m, m).
 
-        It is right for increments of X, from one time to another. Terms that vanish in these are
-        left out. Let d be the lag between the times of a pair, s the earlier and t the later one,
-        and L the last time of all. The processes give
+        It is right only for increments of X from one time to another: terms that cancel in
+        increments are left out. For each two times, d is their lag, s the earlier and t the later
+        time. L is the last of all times. The processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
@@ -167,8 +171,8 @@ class AxisNoise:
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
         - walk from time 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`.
 
-        The ramp is deterministic and adds nothing. `lags` has five functions of the pairs of times,
-        (m, m) each: d, d², ln(d/L) - 3/2, s², and t/2 - s/6.
+        The ramp is deterministic and adds nothing. `lags` is the result of the function `lags` for
+        the times: d, d², ln(d/L) - 3/2, s², and t/2 - s/6, (m, m) each.
         """
         d, d2, logarithm, early2, late = lags
         total = (
@@ -186,12 +190,12 @@ class AxisNoise:
         return total
 
     def mean_covariance(self, windows, shared=None):
-        """Return the covariance of the mean output over windows of time, (n, n), SI squared.
+        """Return the covariance of the mean output in n windows of time, (n, n), SI squared.
 
-        Flicker and random walk have a level that is common to all windows of a power cycle. A
-        fitted bias absorbs this level, so a small one is taken: the walk starts at the first
-        window. Means of different power cycles are independent. Coefficients that are not
-        identifiable count as 0. The ramp is not random and adds nothing.
+        Flicker and random walk add a constant that all windows of a power cycle have in common. A
+        fitted bias absorbs this constant, so its variance does not matter and is chosen small: the
+        walk starts at the first window. Means of different power cycles are independent.
+        Coefficients that are not identifiable count as 0. The ramp is not random and adds nothing.
 
         Parameters
         ----------
@@ -215,13 +219,21 @@ class AxisNoise:
 
 
 def edges(windows, power_cycle=None):
-    """Return the times at which windows start or end, by power cycle, a list of tuples.
+    """Return, for each power cycle, the part of `AxisNoise.mean_covariance` that all axes share.
 
-    `AxisNoise.mean_covariance` takes the list for every axis. A tuple has the indices of the
-    windows of a power cycle; the indices of their starts, and of their ends, among the m different
-    times; and the five functions of pairs of these times, (m, m) each, that `lags` computes. Takes
-    start and end of each of n windows, s, (n, 2), and its power cycle, (n,); by default all lie in
-    one.
+    Parameters
+    ----------
+    windows : ndarray, shape (n, 2)
+        Start and end of each window, s.
+    power_cycle : ndarray of int, shape (n,), optional
+        Power cycle of each window; by default all windows are in one.
+
+    Returns
+    -------
+    list of tuple
+        For each power cycle: the indices of its k windows, (k,); the indices of their starts, (k,),
+        and of their ends, (k,), in the m different times at which windows start or end; and the
+        result of `lags` for these times, five arrays (m, m).
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
@@ -235,10 +247,10 @@ def edges(windows, power_cycle=None):
 
 
 def lags(t):
-    """Return five functions of the pairs of m times, s, (m, m) each, for the covariance of noise.
+    """Return five functions of each two of m times, (m, m) each, for `AxisNoise.kernel`.
 
-    The five are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, s is the
-    earlier and t the later time of a pair. Takes increasing times from 0, s, (m,).
+    They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6. s is the earlier and t the later of the
+    two times, and L the last time of all. The times `t`, (m,), increase from 0, s.
     """
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
@@ -255,10 +267,11 @@ class NoiseModel:
     axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz
 
     def value_and_std(self, axis, term):
-        """Return value and standard deviation of the flicker, 'B', or random walk, 'K', of an axis.
+        """Return the value and the standard deviation of one noise coefficient of an axis, SI.
 
-        Both are in SI. If the term is not identifiable, the value is zero. The standard deviation
-        follows from the 95 % interval, or from the 95 % upper limit.
+        `axis` is the name of the axis, and `term` is ``B`` for flicker or ``K`` for random walk. If
+        the data do not support the term, the value is zero. The standard deviation follows from the
+        95 % interval or, without one, from the 95 % upper limit.
         """
         coefficient = getattr(self.axes[axis], term)
         if coefficient.value is None:
@@ -270,7 +283,7 @@ class NoiseModel:
     def with_sizes(self, sizes):
         """Return the NoiseModel with other values of some coefficients.
 
-        `sizes` has the values, SI, by (axis, term), such as ``("gx", "B")``.
+        `sizes` has the new values, SI, by (axis, term), such as ``("gx", "B")``.
         """
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
@@ -279,12 +292,12 @@ class NoiseModel:
         return replace(self, axes=axes)
 
     def mean_covariance(self, windows, power_cycle=None):
-        """Return the covariance of the mean output of each axis over windows of time, (6, n, n).
+        """Return the covariance of the mean output of each axis in n windows of time, (6, n, n).
 
-        The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. The result is zero for an
-        axis without any coefficient. Takes start and end of each window, s, (n, 2), and its power
-        cycle, (n,); by default all windows lie in one. Raises a ValueError if a window does not end
-        after its start.
+        The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. An axis without
+        coefficients has zeros. `windows`, (n, 2), has start and end of each window, s.
+        `power_cycle`, (n,), has its power cycle; by default all windows are in one. Raises a
+        ValueError if a window does not end after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
@@ -297,7 +310,7 @@ class NoiseModel:
         return covariance
 
     def to_dict(self):
-        """Return the entries of noise.json that hold the model, a dict."""
+        """Return the entries of noise.json that describe the model, a dict."""
         return {
             "format": FORMAT,
             "device": self.device,
@@ -306,22 +319,22 @@ class NoiseModel:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the NoiseModel of the content of noise.json, a dict; other keys are ignored."""
+        """Return the NoiseModel from the content of noise.json, a dict; other keys are ignored."""
         axes = {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS}
         return cls(content["device"], axes)
 
     @classmethod
     def from_json(cls, path):
-        """Return the NoiseModel of a noise.json."""
+        """Return the NoiseModel from a file noise.json."""
         return cls.from_dict(read_json(path))
 
 
 def without_weight(covariance):
-    """Return which of k covariances, (k, n, n), cannot be inverted, and why: two masks, (k,).
+    """Return which of k covariances, (k, n, n), cannot be inverted, as two masks, (k,).
 
     The first mask marks covariances with a variance of zero. The second marks, among the others,
-    those in which some weighted sum of the n values has no variance. Sinusoids without other noise
-    are such a case: the covariance of one sinusoid has rank two at most, by its cosine and sine.
+    those in which some weighted sum of the n values has no variance. An example is a sinusoid
+    without other noise, whose covariance has rank two at most, by its cosine and sine.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

@@ -1,13 +1,13 @@
-"""P-values of several tests together."""
+"""P-values of several tests, adjusted for their number."""
 
 import numpy as np
 
 
 def holm(p_values):
-    """Return p-values, (m,), that are adjusted for a family of m tests by Holm's method.
+    """Return m p-values, (m,), adjusted for the number of tests by Holm's method.
 
-    The k-th smallest p-value is multiplied by m + 1 - k; none is less than a smaller one, or more
-    than 1.
+    The k-th smallest p-value is multiplied by m + 1 - k. Then it is raised to the adjusted value of
+    the one before, and lowered to 1 if it is larger.
 
     References
     ----------

@@ -6,9 +6,9 @@ from scipy.linalg.lapack import dpotri
 
 
 def precision(covariance):
-    """Return the inverse Σ⁻¹ of a covariance Σ, (n, n), and its lower root L, ``L Lᵀ = Σ``.
+    """Return the inverse of a covariance Σ, (n, n), and its lower root L, ``L Lᵀ = Σ``, (n, n).
 
-    The inverse is exactly symmetric and takes a third of the time of a general inverse. Raises a
+    The inverse is exactly symmetric, and takes a third of the time of a general inverse. Raises a
     LinAlgError if Σ is not positive definite.
     """
     # scipy computes the upper root faster; `dpotri` returns the upper triangle of the inverse, and

@@ -1,7 +1,8 @@
-"""Rotations as unit quaternions, scalar first, from body axes to those at the start of a motion.
+"""Rotations as unit quaternions, scalar first.
 
-Each step of a fit uses these functions on large arrays, for which scipy's `Rotation` is 2 to 100
-times slower.
+The quaternion of an attitude rotates from its body axes to the body axes at the start of the
+motion. Each step of a fit uses these functions on large arrays, for which scipy's `Rotation` is 2
+to 100 times slower.
 """
 
 import numpy as np
@@ -9,7 +10,10 @@ from scipy.spatial.transform import Rotation
 
 
 def multiply(p, q):
-    """Return the quaternion product ``p q``, (..., 4), of quaternions that broadcast, (..., 4)."""
+    """Return the quaternion products ``p q``, (..., 4).
+
+    `p` and `q`, (..., 4), are quaternions, which are broadcast against each other.
+    """
     return _product(_pairs(p), _pairs(q)).view(float)
 
 
@@ -19,9 +23,9 @@ def _pairs(q):
 
 
 def _product(p, q):
-    """Return the product of quaternions in complex form, (..., 2).
+    """Return the products ``p q`` of quaternions in complex form, (..., 2).
 
-    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i.
+    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i (`_pairs`).
     """
     # j c is c* j
     a, b, c, d = p[..., 0], p[..., 1], q[..., 0], q[..., 1]
@@ -29,7 +33,7 @@ def _product(p, q):
 
 
 def exponential(vectors):
-    """Return the quaternions, (..., 4), of rotation vectors, rad, (..., 3)."""
+    """Return the unit quaternions, (..., 4), of rotation vectors, rad, (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     half = np.sqrt(x * x + y * y + z * z) / 2
     # sine of half the angle over the length of the vector, and its limit for the vector zero
@@ -49,22 +53,22 @@ def matrix(q):
 
 
 def step_vectors(rates, steps, uneven=None):
-    """Return the rotation vector φ of each time step, rad, (..., n - 1, 3).
+    """Return the rotation vector φ of each of n - 1 time steps, rad, (..., n - 1, 3).
 
     φ rotates from the body axes at the end of the step to the body axes at its start.
 
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
-    The first term is the mean rate of the step, of a cubic through four samples, times Δt. w₀ and
-    w₁ are the angular rates at its two ends, w₋₁ and w₂ the rates of the samples before and after.
-    The second term is the first term of the Magnus series and corrects for rotations that do not
-    commute. The error is of fifth order in a step and of fourth order over all steps, the order of
-    a Runge–Kutta scheme with four stages. The exponential of φ is a unit quaternion exactly.
+    w₀ and w₁ are the angular rates at both ends of the step Δt; w₋₁ and w₂ are those of the samples
+    before and after. The first term is Δt times the mean rate in the step, by a cubic through the
+    four samples. The second term is the first term of the Magnus series, which corrects for
+    rotations that do not commute. The error is of fifth order in a step, and so of fourth order
+    over all steps, the order of a Runge–Kutta scheme with four stages.
 
     Parameters
     ----------
     rates : ndarray, shape (..., n, 3)
-        Angular rate on body axes, rad/s.
+        Angular rate on body axes at n samples, rad/s.
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
@@ -85,17 +89,17 @@ def step_vectors(rates, steps, uneven=None):
 
 
 def mean_rates(rates, steps, uneven=None):
-    """Return the mean angular rate over each time step, rad/s, (..., n - 1, 3).
+    """Return the mean angular rate in each of n - 1 time steps, rad/s, (..., n - 1, 3).
 
-    This is the mean of the cubic through the two samples of the step and one neighbour on either
-    side. The samples are taken as evenly spaced, except around a step in which samples are missing:
-    there the cubic goes through the samples at their times. In the first and the last step, which
-    lie in a rest, the rate is taken as linear.
+    It is the mean of the cubic through both samples of the step and one neighbour on either side.
+    The four samples are taken as evenly spaced. In a step in which samples are missing, the cubic
+    goes through the samples at their true times instead. In the first and the last step, which lie
+    in a rest, the rate is taken as linear.
 
     Parameters
     ----------
     rates : ndarray, shape (..., n, 3)
-        Angular rate on body axes, rad/s.
+        Angular rate on body axes at n samples, rad/s.
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
@@ -125,11 +129,11 @@ def mean_rates(rates, steps, uneven=None):
 
 
 def prefix_product(q):
-    """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of quaternions, (..., n, 4).
+    """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of n unit quaternions, (..., n, 4).
 
-    `q` has n unit quaternions, (..., n, 4). A recursion multiplies neighbours, computes the
-    products of the results, and fills in every other product. It needs two multiplications per
-    quaternion.
+    If `q`, (..., n, 4), are the rotations of n steps, the products are the rotations since the
+    start. A recursion multiplies neighbours, computes the products of the results, and fills in
+    every other product. It needs two multiplications per quaternion.
 
     References
     ----------
@@ -139,9 +143,9 @@ def prefix_product(q):
 
 
 def _prefixes(q):
-    """Return the products ``q₀, q₀q₁, …`` of quaternions in complex form, (..., n, 2).
+    """Return the products ``q₀, q₀q₁, …`` of n quaternions in complex form, (..., n, 2).
 
-    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i.
+    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i (`_pairs`).
     """
     n = q.shape[-2]
     if n < 2:
@@ -155,9 +159,10 @@ def _prefixes(q):
 
 
 def shortest_turn(before, after):
-    """Return the shortest rotation vector, rad, (3,), that turns direction `after` to `before`.
+    """Return the rotation vector of the shortest turn between two directions, rad, (3,).
 
-    If a device makes this rotation, its body axis `after` ends where its body axis `before` was at
-    the start. Takes vectors of any length, (3,), on body axes.
+    If a device makes this turn, its body axis `after` ends where its body axis `before` was at the
+    start: the turn rotates direction `after` to `before`. Both are vectors of any length on body
+    axes, (3,).
     """
     return Rotation.align_vectors(before, after)[0].as_rotvec()

@@ -2,9 +2,9 @@
 
 It is a pandas DataFrame of float64 columns in SI: the time `t` (s since the first sample), specific
 force `ax ay az` (m/s^2), angular rate `gx gy gz` (rad/s) and, if it was logged, `temperature`
-(degC). If `t` was rebuilt, `t_logged` is the time stamp of the log. If the sensors have two clocks,
-`t` is the faster sensor's. Each row then holds the nearest sample of the slower sensor, whose
-own time stamp is in `t_accelerometer` or `t_gyroscope`.
+(degC). If ingest rebuilt `t`, `t_logged` is the time stamp of the log. If the sensors have two
+clocks, `t` is the time of the faster sensor. Each row then also has the nearest sample of the
+slower sensor, whose time stamp is in `t_accelerometer` or `t_gyroscope`.
 """
 
 import json
@@ -50,16 +50,16 @@ CALIBRATED = "calibrated_by_imuloop"
 
 
 def other_sensor(sensor):
-    """Return the name of the other sensor: of accelerometer and gyroscope, not `sensor`."""
+    """Return the name of the other sensor: ``gyroscope`` for ``accelerometer``, and the reverse."""
     (other,) = set(SENSORS) - {sensor}
     return other
 
 
 def at_rail(samples, rails, names):
-    """Return whether each sample is at an end of the range in any of some channels, (n,) of bool.
+    """Return at which of n samples any of some channels is at an end of its range, a mask, (n,).
 
-    `names` are the names of these channels. `rails` are the ends of the ranges, {channel: (low,
-    high)}; an end is None if no sample reaches it.
+    `names` are the names of these channels. `rails` has the ends of the ranges, (low, high) by
+    name; an end is None if no sample reaches it.
     """
     clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
@@ -72,10 +72,11 @@ def at_rail(samples, rails, names):
 
 
 def filled(t, values):
-    """Return values, (n,), of a channel at times t, (n,), with missing ones interpolated.
+    """Return the values of a channel, (n,), with missing ones interpolated.
 
-    The interpolation is linear, and constant before the first value and after the last. If all
-    values are missing, they stay so. A missing value is not-a-number.
+    `t`, (n,), are the times of the `values`, (n,). A missing value is not-a-number. The
+    interpolation is linear, and constant before the first value and after the last. If all values
+    are missing, they stay so.
     """
     valid = np.isfinite(values)
     if valid.all() or not valid.any():
@@ -84,16 +85,16 @@ def filled(t, values):
 
 
 def schema(metadata):
-    """Return the Parquet schema of a samples file.
+    """Return the Parquet schema of a file of samples.
 
-    The `metadata`, a dict, are kept as JSON under the key `METADATA_KEY`.
+    The dict `metadata` is kept in it, as JSON under the key `METADATA_KEY`.
     """
     fields = [pa.field(name, pa.float64()) for name in (TIME, *CHANNELS)]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
 
 
 def check_columns(names):
-    """Raise an ImuloopError for a table that lacks a column of samples."""
+    """Raise an ImuloopError if a column of samples is not among `names`, the columns of a table."""
     if lacking := [name for name in (TIME, *CHANNELS) if name not in names]:
         raise ImuloopError(
             f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
@@ -102,15 +103,18 @@ def check_columns(names):
 
 
 def calibrated_attrs(device):
-    """Return the `attrs` that mark a DataFrame as calibrated samples, a dict."""
+    """Return the `attrs` of a DataFrame that mark its samples as calibrated, a dict.
+
+    `device` is the name of the device.
+    """
     return {METADATA_KEY.decode(): {"calibrated": True, "device": device}}
 
 
 def refuse_calibrated(names, metadata):
-    """Raise a RejectedLog for a table that its columns or metadata mark as calibrated.
+    """Raise a RejectedLog if the columns or the metadata of a table mark its samples as calibrated.
 
-    `names` are the names of its columns. `metadata` is the dict that imuloop stored in the file; it
-    is empty for other files.
+    `names` are the names of the columns. `metadata` is the dict that imuloop stored in the file,
+    empty for other files.
     """
     if CALIBRATED in names or metadata.get("calibrated"):
         # the start of the name is enough: the file may be anyone's, and the name of any length
@@ -122,7 +126,10 @@ def refuse_calibrated(names, metadata):
 
 
 def parquet_file(path):
-    """Return a Parquet file, opened; raise an ImuloopError with its path if it is incomplete."""
+    """Return an open Parquet file.
+
+    Raises an ImuloopError that names the path if the file is incomplete.
+    """
     try:
         return pq.ParquetFile(path)
     except pa.ArrowInvalid as error:
@@ -133,13 +140,13 @@ def parquet_file(path):
 
 
 def read_samples(path):
-    """Return samples of a Parquet file as a DataFrame."""
+    """Return the samples in a Parquet file, a DataFrame."""
     with parquet_file(path) as file:
         return file.read().to_pandas()
 
 
 def read_columns(path, columns=None):
-    """Return columns of a Parquet file, by default all, as a dict of arrays."""
+    """Return columns of a Parquet file, by default all, as a dict of arrays by name."""
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
     columns = {name: table[name].to_numpy() for name in table.column_names}
@@ -148,7 +155,7 @@ def read_columns(path, columns=None):
 
 
 class Samples:
-    """Samples of a session, whose columns are read when they are first used.
+    """Samples of a session, whose columns are read from the file when they are first used.
 
     ``samples[name]`` and ``name in samples`` work as for a DataFrame, and ``len(samples)`` is the
     number of rows. `names` are the names of the columns. The source is the path of a Parquet file,
@@ -174,7 +181,7 @@ class Samples:
         return name in self.names
 
     def __getitem__(self, name):
-        """Return a column, (rows,), with not-a-number for missing values."""
+        """Return a column, (n,) for n rows; missing values are not-a-number."""
         if name not in self.names:
             raise KeyError(name)
         if not isinstance(self._table, (str, Path)):
@@ -184,7 +191,10 @@ class Samples:
         return self._columns[name]
 
     def read(self, names, first, last):
-        """Return columns of a range of rows, shape (len(names), last - first)."""
+        """Return columns in a range of rows, (len(names), last - first).
+
+        `first` is the first row, and `last` the row after the last one.
+        """
         return np.array([self[name][first:last] for name in names], float)
 
     @cached_property
@@ -196,18 +206,19 @@ class Samples:
 
 
 def holds(source, sensor):
-    """Return whether samples have values of a sensor; true if there are no samples.
+    """Return whether a table of samples has values of a sensor.
 
-    Ingest writes zeros for a sensor that the log lacks.
+    Ingest writes zeros for a sensor that the log lacks. The result is true if there are no samples.
+    `source` is anything from which Samples can be made, and `sensor` is the name of the sensor.
     """
     samples = Samples(source)
     return not len(samples) or any(samples[name].any() for name in SENSORS[sensor])
 
 
 def on_own_clock(source, sensor):
-    """Return the Samples of a sensor at its own time stamps, without repetitions.
+    """Return the Samples of one sensor at its own time stamps, each sample once.
 
-    If both sensors have one clock, the result has all rows and columns of the source.
+    If both sensors have one clock, the result has all rows and columns of `source`.
     """
     samples, stamps = Samples(source), OWN_TIME[sensor]
     if stamps not in samples:
@@ -218,15 +229,20 @@ def on_own_clock(source, sensor):
 
 
 def own_rows(stamps):
-    """Return the first row of each sample of a slower sensor, (m,), by its time stamps, (n,)."""
+    """Return the first row of each sample of the slower sensor, (m,) of int.
+
+    If the sensors have two clocks, consecutive rows repeat a sample of the slower sensor. `stamps`,
+    (n,), has the sample's own time stamp in each of the n rows.
+    """
     return np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0)
 
 
 def on_gyroscope_clock(columns):
-    """Return columns of samples, a dict of arrays, at the time stamps of the gyroscope.
+    """Return columns of samples, a dict of arrays by name, at the time stamps of the gyroscope.
 
-    If the accelerometer is slower, its specific force is interpolated linearly. If it is faster,
-    its specific force is averaged over the samples nearest to each sample of the gyroscope.
+    If the accelerometer is the slower sensor, its specific force is interpolated linearly. If it is
+    the faster one, its specific force is averaged over the samples nearest to each sample of the
+    gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     # only the slower sensor has a column for its time stamps; several rows repeat its sample
@@ -245,9 +261,10 @@ def on_gyroscope_clock(columns):
 
 
 def sums_over(values, ranges):
-    """Return sums of values, (n, …), over half-open ranges of rows, (m, 2): an array (m, …).
+    """Return the sum of `values`, (n, …), over each of m ranges of rows, (m, …).
 
-    The ranges are in order; none is empty, and only the last may end with the last row.
+    The half-open `ranges`, (m, 2), are in order and do not overlap. None is empty, and only the
+    last may end with the last row.
     """
     edges = ranges.ravel()
     # reduceat sums from each edge to the next, of which every other sum is that of a range. It
@@ -257,15 +274,15 @@ def sums_over(values, ranges):
 
 
 def read_metadata(path):
-    """Return the project's metadata of a Parquet file, a dict; empty if it has none."""
+    """Return the metadata that imuloop stored in a Parquet file, a dict; empty without any."""
     with parquet_file(path) as file:
         return own_metadata(file.schema_arrow.metadata or {})
 
 
 def own_metadata(entries):
-    """Return the project's metadata, a dict, of the metadata entries of a Parquet file.
+    """Return the metadata that imuloop stored, a dict, from all entries of a Parquet file.
 
-    If pandas wrote the file, the metadata are in the `attrs` of the table.
+    If pandas wrote the file, they are in the `attrs` of the table.
     """
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
     # another program may write anything under this key

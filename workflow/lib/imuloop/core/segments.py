@@ -1,11 +1,15 @@
-"""Segments of a session, which are static, motion, disturbed or a gap; and power cycles.
+"""Segments of a session: stretches that are static, motion, disturbed or a gap; and power cycles.
 
-They are the rows of a pandas DataFrame, in order of time, with the columns `start_s` and `end_s`
-(half-open, on the clock of the samples), `kind`, `pose` (number of the pose; -1 without one), `n`
-(number of samples), and the mean and standard deviation of every channel, SI, without missing
-values. A gap has no samples, or samples in which a channel is stuck. In a session of attitudes, a
-rest with a clipped specific force is disturbed. `tilt_rad` is the root mean square of the tilt that
-both sensors show in a rest; for a rest in the hand it includes the rotation about the vertical.
+Segments are the rows of a pandas DataFrame, in order of time. Its columns are:
+
+- `start_s` and `end_s`, half-open, on the clock of the samples;
+- `kind`; a gap has no samples, or samples in which a channel is stuck; in a session of attitudes, a
+  rest with a clipped specific force is disturbed;
+- `pose`: number of the pose, -1 without one;
+- `n`: number of samples;
+- mean and standard deviation of every channel, SI, without missing values;
+- `tilt_rad`: root mean square of the tilt that both sensors show in a rest; for a rest in the hand
+  it includes the rotation about the vertical.
 """
 
 import numpy as np
@@ -25,8 +29,18 @@ _ROUNDING = 1e-14
 def segment_table(samples, start_s, end_s, kinds, poses):
     """Return the table of k segments, a DataFrame, with the statistics of every channel.
 
-    Takes the samples, and for each segment its start and end, s, half-open, its kind, and the
-    number of its pose, -1 without one. `tilt_rad` is set to zero.
+    `tilt_rad` is set to zero.
+
+    Parameters
+    ----------
+    samples : Samples or DataFrame
+        The samples of the session.
+    start_s, end_s : array_like, shape (k,)
+        Start and end of each segment, s, half-open.
+    kinds : sequence of str
+        Kind of each segment.
+    poses : array_like of int, shape (k,)
+        Number of the pose of each segment, -1 without one.
     """
     rows, start_s, end_s = Samples(samples), np.asarray(start_s, float), np.asarray(end_s, float)
     ranges = np.searchsorted(rows[TIME], np.column_stack([start_s, end_s]))
@@ -50,11 +64,11 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 
 
 def power_cycles(segments):
-    """Return the number of the power cycle of each segment, (n,), from 0.
+    """Return the number of the power cycle of each of n segments, (n,) of int, from 0.
 
-    A gap that is longer than all segments of other kinds together ends a power cycle: the device
-    was off, or the clock was set. The true duration of such a gap is not known, so noise is
-    independent before and after it. Takes a table of segments.
+    If a gap is longer than all segments of other kinds together, a new power cycle begins with it:
+    the device was off, or the clock was set. The true duration of such a gap is not known, so noise
+    is independent before and after it. `segments` is a table of segments.
     """
     duration = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
     is_gap = np.asarray(segments["kind"]) == GAP

@@ -21,10 +21,10 @@ def fibonacci_lattice(n):
 
 
 def count_attitudes(vectors, apart):
-    """Return the number of distinct directions of vectors, (n, 3), an int.
+    """Return the number of distinct directions among n vectors, an int.
 
-    The vectors are taken in order. A vector counts if it is farther than the angle `apart`, rad,
-    from all vectors counted before. Vectors that are zero or not a number do not count.
+    `vectors`, (n, 3), are taken in order. A vector counts if it is farther than the angle `apart`,
+    rad, from all vectors counted before. Vectors that are zero or not-a-number do not count.
     """
     counted, sizes = np.empty((0, 3)), np.linalg.norm(vectors, axis=1)
     for u in vectors[sizes > 0] / sizes[sizes > 0, None]:

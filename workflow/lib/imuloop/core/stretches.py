@@ -1,4 +1,4 @@
-"""Stretches: consecutive samples, as half-open ranges of indices, (k, 2)."""
+"""Stretches of consecutive samples: half-open ranges of indices, (k, 2)."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from imuloop.core.samples import TIME
 
 
 def stretches_of(mask):
-    """Return the stretches, (k, 2), in which a mask, (n,), is true."""
+    """Return the stretches in which a mask, (n,), is true, (k, 2)."""
     edges = np.flatnonzero(np.diff(np.asarray(mask, dtype=int), prepend=0, append=0))
     return edges.reshape(-1, 2)
 
 
 def unbroken(rows):
-    """Return the stretches of Samples between long gaps, (k, 2), and the median time step, s.
+    """Return the stretches of samples between long gaps, (k, 2), and the median time step, s.
 
-    The step is 1 s if there are fewer than two samples, and there is no stretch without samples.
+    `rows` are Samples. With fewer than two samples the step is 1 s; with none there is no stretch.
     """
     step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
@@ -25,12 +25,12 @@ def unbroken(rows):
 
 
 def lengths(ranges):
-    """Return the number of samples in each range, (k,)."""
+    """Return the number of samples in each of k ranges, (k,)."""
     return np.diff(ranges, axis=1).ravel()
 
 
 def merged(ranges):
-    """Return ranges, (k, 2), in order, with overlapping and touching ones merged."""
+    """Return ranges, (k, 2), in order; ranges that overlap or touch become one."""
     if not len(ranges):
         return ranges
     first, last = ranges[np.argsort(ranges[:, 0])].T
@@ -41,9 +41,9 @@ def merged(ranges):
 
 
 def without(ranges, cuts):
-    """Return the parts of ranges, (m, 2), in order, that lie outside cuts, (k, 2).
+    """Return the parts of ranges of samples that lie outside other ranges, the cuts, (l, 2).
 
-    The cuts are ranges, too; they are in order and do not overlap or touch.
+    `ranges`, (m, 2), are in order. `cuts`, (k, 2), are in order and do not overlap or touch.
     """
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
@@ -58,7 +58,8 @@ def without(ranges, cuts):
 def divided(first, last, count):
     """Return a range cut into `count` parts of nearly equal length, (count, 2).
 
-    The range goes from `first` to before `last`. A count below one counts as one.
+    `first` is the first sample of the range, and `last` the one after its last sample. A count
+    below one counts as one.
     """
     edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])

@@ -1,4 +1,4 @@
-"""Tables as dicts of arrays, their Parquet files, and cells of text in CSV files."""
+"""Tables, which are dicts of arrays; their Parquet files; and cells of text in CSV files."""
 
 import json
 
@@ -14,21 +14,25 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def table(names, *values):
-    """Return a table, a dict of arrays by name, of the values of each column.
+    """Return a table, a dict of arrays by name, from the values of each column.
 
-    A text or a number is repeated in all rows.
+    `names` are the names of the columns. A value that is a text or a number is repeated in all
+    rows.
     """
     columns = [np.asarray(x, object if isinstance(x, str) else float) for x in values]
     return dict(zip(names, np.broadcast_arrays(*columns), strict=True))
 
 
 def joined(tables):
-    """Return one table with the rows of several tables, dicts of arrays with the same columns."""
+    """Return one table with the rows of several tables, which have the same columns."""
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def write_table(path, columns, metadata=None):
-    """Write a table, a dict of arrays or a DataFrame, as a Parquet file, with metadata as JSON."""
+    """Write a table, a dict of arrays or a DataFrame, as a Parquet file.
+
+    `metadata` is a dict, which is kept in the file as JSON.
+    """
     arrays = {name: np.asarray(columns[name]) for name in columns}
     # a column of objects has texts; the kind of others follows from the array
     kinds = {name: pa.large_string() if x.dtype == object else None for name, x in arrays.items()}
@@ -40,9 +44,10 @@ def write_table(path, columns, metadata=None):
 
 
 def write_sessions(path, tables):
-    """Write a dict of tables by session as one Parquet file.
+    """Write the tables of several sessions as one Parquet file.
 
-    The first column of the file, ``session``, has the name of the session in each row.
+    `tables` has a table by name of the session. The first column of the file, ``session``, has this
+    name in each row.
     """
     lengths = [len(next(iter(table.values()))) for table in tables.values()]
     names = {"session": np.repeat(np.array([*tables], object), lengths)}
@@ -50,7 +55,7 @@ def write_sessions(path, tables):
 
 
 def read_session(path, session):
-    """Return the table of one session, a dict of arrays, from a Parquet file of several.
+    """Return the table of one session, a dict of arrays, from a Parquet file of several sessions.
 
     The column ``session`` of the file has the name of the session in each row.
     """
@@ -60,12 +65,15 @@ def read_session(path, session):
 
 
 def text_cell(text):
-    """Return the text, with an apostrophe before a formula, so that no spreadsheet executes it."""
+    """Return a text for a cell of a CSV file, so that a spreadsheet does not execute it.
+
+    A text that looks like a formula gets an apostrophe in front.
+    """
     return f"'{text}" if text.startswith(_FORMULA) else text
 
 
 def text_cells(table):
-    """Return an Arrow table whose columns of text no spreadsheet executes."""
+    """Return an Arrow table in which no text is a formula for a spreadsheet (`text_cell`)."""
     for index, field in enumerate(table.schema):
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):

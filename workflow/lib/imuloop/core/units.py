@@ -51,18 +51,19 @@ class RawUnit:
     offset: float = 0.0
 
     def to_si(self, raw):
-        """Return raw values in SI units: nominal SI, by scale and offset of the unit."""
+        """Return raw values in SI, by the scale and offset of the unit."""
         return (np.asarray(raw, dtype=float) - self.offset) * self.scale
 
     def from_si(self, value):
-        """Return SI values in raw units."""
+        """Return SI values in the raw unit."""
         return np.asarray(value, dtype=float) / self.scale + self.offset
 
 
 def needed_by_counts(quantity, nominal=None):
-    """Return the config keys that give counts a scale, text for a message.
+    """Return the config keys by which the scale of counts can be given, a text for a message.
 
-    `nominal` may hold the ``ranges`` of the sensor.
+    `quantity` is ``acceleration`` or ``angular_rate``. `nominal` is a dict; if it has ``ranges`` of
+    the sensor, the text lists them.
     """
     if ranges := (nominal or {}).get("ranges"):
         return f"range.{quantity}, one of {', '.join(ranges)}"
@@ -70,11 +71,19 @@ def needed_by_counts(quantity, nominal=None):
 
 
 def raw_unit(quantity, name, nominal=None):
-    """Return the RawUnit of a quantity, "acceleration" or "angular_rate", by the name of the unit.
+    """Return the RawUnit with a name, such as ``deg/s``.
 
-    Counts need `nominal`, a dict with their ``scale`` (SI per count) and ``offset`` (counts).
-    Ingest converts increments, such as deg, to their rate, so they have its SI unit, rad/s. Raises
-    an ImuloopError for an unknown unit.
+    Ingest converts increments, such as ``deg``, to rates, so their unit is the SI unit of the rate.
+    Raises an ImuloopError for an unknown unit, or for counts without a scale.
+
+    Parameters
+    ----------
+    quantity : str
+        ``acceleration`` or ``angular_rate``.
+    name : str
+        Name of the unit in the config.
+    nominal : dict, optional
+        ``scale`` of counts, SI per count, and their ``offset``, counts.
     """
     if name == "count":
         if "scale" not in (nominal or {}):

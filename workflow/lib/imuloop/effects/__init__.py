@@ -1,4 +1,9 @@
-"""The library of effects: all modules of the package are loaded, and their effects register."""
+"""The library of effects: all modules of the package are loaded, and their effects register.
+
+The docstring of an effect begins with the equation of e, which the effect adds to the output of a
+sensor on axis i. *Leaves* is the pattern in the residuals of a calibration without the effect.
+*Imitated by* are other effects that leave a similar pattern.
+"""
 
 from importlib import import_module
 from pkgutil import iter_modules

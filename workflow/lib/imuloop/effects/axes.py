@@ -6,9 +6,9 @@ AXES = "xyz"
 
 
 def per_axis(units):
-    """Return the parameters of three axes, such as ``c1x`` … ``c1z``, a dict of units by name.
+    """Return the units of parameters of three axes, such as ``c1x`` … ``c1z``, a dict by name.
 
-    `units` is a dict with the units of the parameters of one axis, by name.
+    `units` is a dict with the units of the parameters of one axis, by name without the axis.
     """
     return {f"{name}{axis}": unit for name, unit in units.items() for axis in AXES}
 
@@ -16,8 +16,9 @@ def per_axis(units):
 def on_each_axis(*columns):
     """Return the derivative of ``e_i = Σ_k p_ki c_ki`` with respect to p, (n, 3, 3 k).
 
-    e is the error of a sensor at n points and i an axis. The k `columns` c_k are (n,) if they are
-    the same on all axes, else (n, 3). The parameters are ordered by k, then by axis.
+    e_i is the error on axis i of a sensor at n points, and each axis has its own parameters p_ki.
+    The k `columns` c_k are (n,) if they are the same on all axes, else (n, 3). The parameters are
+    ordered by k, then by axis.
     """
     by_column = [(c[:, None] if c.ndim == 1 else c)[:, :, None] * np.eye(3) for c in columns]
     return np.concatenate(by_column, axis=2)
@@ -26,7 +27,7 @@ def on_each_axis(*columns):
 def row_by_row(columns):
     """Return the derivative of ``e_i = Σ_k M_ik c_k`` with respect to M, row by row, (n, 3, 3 k).
 
-    e is the error of a sensor at n points, i an axis, and M a matrix, (3, k). Takes the `columns`
-    c, (n, k).
+    e_i is the error on axis i of a sensor at n points, and M, (3, k), is a matrix of parameters.
+    `columns`, (n, k), are the c_k at the points.
     """
     return np.einsum("ij,nk->nijk", np.eye(3), columns).reshape(len(columns), 3, -1)

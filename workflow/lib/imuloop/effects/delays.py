@@ -1,4 +1,4 @@
-"""Delays of the output of a sensor, or of one axis."""
+"""Delays of the output of a sensor, or of one of its axes."""
 
 import numpy as np
 
@@ -12,23 +12,24 @@ LATEST = 0.1
 def own_change(channels, seconds):
     """Return the mean rate of change of the sensor's output over the next `seconds`, SI/s, (n, 3).
 
-    `channels` are the Channels of a whole log of n samples; `seconds` may be negative.
+    `channels` are the Channels of a whole log of n samples. If `seconds` is negative, the time
+    before each sample counts.
     """
     return secant(channels.t, channels.output, seconds)
 
 
 def other_slope(channels):
-    """Return the rate of change of the other sensor's output, SI/s, (n, 3), at the n samples."""
+    """Return the rate of change of the other sensor's output at the n samples, SI/s, (n, 3)."""
     return slope(channels.t, channels.other)
 
 
 class TimeOffset(Effect):
     """``e = y(t) - y(t - Δt)``: the output y of the sensor is early by Δt, or late by -Δt.
 
-    The offset is relative to the other sensor, whose time stamps are the clock. A difference of the
-    low-pass filters of both sensors has the same effect. Leaves: velocity at the end of a move,
-    ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. The
-    angle from rest to rest does not change.
+    The offset is relative to the other sensor, whose time stamps are the clock. If the low-pass
+    filters of the sensors differ in delay, the effect is the same. Leaves: velocity at the end of a
+    move, ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn.
+    The angle from rest to rest does not change.
     """
 
     name = "time_offset"
@@ -39,13 +40,13 @@ class TimeOffset(Effect):
     rate_of_change = True
 
     def clamped(self, design, low, high):
-        """Return the derivative `design` unchanged: a delay is valid for any rate of change."""
+        """Return `design`, the derivative, unchanged: a delay is valid for any rate of change."""
         return design
 
     def design(self, channels, values=(0.0,)):
-        """Return D with ``e = D Δt``, the mean rate of change over the delay, SI/s, (n, 3, 1).
+        """Return D with ``e = D Δt``, SI/s, (n, 3, 1): the mean rate of change over the delay.
 
-        `values` has the delay Δt, s. At zero D is the derivative of e.
+        `values` has the delay Δt, s. At zero, D is the derivative of e with respect to Δt.
         """
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
@@ -65,10 +66,9 @@ class GyroAxisDelay(TimeOffset):
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
 
     def design(self, channels, values=(0.0, 0.0)):
-        """Return D with ``e = D p`` for both delays p, SI/s, (n, 3, 2).
+        """Return D with ``e = D p`` for both delays p = (Δt_x, Δt_y), SI/s, (n, 3, 2).
 
-        D is minus the mean rate of change of an axis over its delay. `values` has the delays of x
-        and y, s.
+        D is minus the mean rate of change of an axis over its delay. `values` has the delays, s.
         """
         design = np.zeros((len(channels.t), 3, 2))
         for axis, delay in enumerate(values):

@@ -17,7 +17,10 @@ POINTS = 3
 
 
 def settling(channels, tau):
-    """Return ``exp(-t/τ)`` at the n samples of a log, (n,); t is their time, s, and τ is `tau`."""
+    """Return ``exp(-t/τ)`` at the n samples of a log, (n,).
+
+    t is the time since the start of the log, s, and τ is the time constant `tau`, s.
+    """
     return np.exp(-channels.t / tau)
 
 
@@ -42,9 +45,10 @@ class WarmUp(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: those with time constants that suit the data.
+        """Return the effects to try, a tuple: those whose time constant the data can show.
 
-        A time constant needs a record that is long enough, and enough points at its start.
+        A time constant needs a record that is `SETTLINGS` times as long, and `POINTS` points at its
+        start. If there is none, the effect with the default is returned.
         """
         with_points = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
@@ -63,7 +67,7 @@ class BiasDrift(Effect):
 
     Leaves: an error of pose means that grows with time in every attitude. Imitated by:
     `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random walk,
-    which the floor, the error by noise alone, includes. In a static record it is called `ramp`.
+    which the test allows for as part of the noise. In a static record it is called `ramp`.
     """
 
     name = "bias_drift"
@@ -79,8 +83,9 @@ class BiasDrift(Effect):
 class Ramp(BiasDrift):
     """``e_i = d_i t``: the drift of the bias in a static record; at poses it is `bias_drift`.
 
-    Leaves: a level that changes linearly. Imitated by: `bias_temperature`, if the temperature only
-    rises or falls; a long `warm_up`; and random walk, which the noise of the test allows for.
+    Leaves: a mean that changes linearly. Imitated by: `bias_temperature`, if the temperature only
+    rises or falls; a long `warm_up`; and random walk, which the test allows for as part of the
+    noise.
     """
 
     name = "ramp"

@@ -15,7 +15,8 @@ CREEPS = (3.0, 10.0, 30.0)
 def creep(channels, tau):
     """Return ``y_lag - y`` at the n samples of a log, SI, (n, 3).
 
-    y is the output of the sensor, and y_lag its response to a first-order lag of `tau`, s.
+    y is the output of the sensor, and y_lag is the response of a first-order lag to it. `tau` is
+    the time constant of the lag, s.
     """
     return first_order_lag(channels.t, channels.output, tau) - channels.output
 
@@ -41,7 +42,7 @@ class Reorientation(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects with each of the time constants to try, a tuple."""
+        """Return the effects to try, a tuple: one for each time constant in `CREEPS`."""
         return tuple(cls(tau) for tau in CREEPS)
 
     def design(self, channels):
@@ -58,9 +59,9 @@ WINDOW = 1.0
 def vibration(channels):
     """Return the mean square of the vibration of each axis at the n samples of a log, SI², (n, 3).
 
-    The result is the smaller one of the mean squares over the `WINDOW` before and the `WINDOW`
-    after each sample. At either end of a pose one of these windows lies in the pose, so that the
-    shaking of the turn next to the pose does not count.
+    The mean squares over the `WINDOW` before a sample and over the `WINDOW` after it are computed,
+    and the smaller one is the result. Near either end of a rest one of these windows lies in the
+    rest, so that the shaking of the next move does not count.
     """
     t, squares = channels.t, []
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
@@ -79,11 +80,11 @@ def vibration(channels):
 class VibrationRectification(Effect):
     """``e_i = v_i σ_i²``: vibration of mean square σ_i² on the same axis shifts its bias.
 
-    A quadratic nonlinearity K2 that follows the vibration gives v = K2; its response to slow
-    changes, as in a turn, is the `quadratic` effect. σ² includes the noise of the sensor, whose
-    constant part is a bias.
-    Leaves: means that depend on the variance within the pose, or steps of bias in a static record
-    while a motor runs. Imitated by: a support that tilts while it vibrates.
+    If a quadratic nonlinearity K2 follows the vibration, it has the same effect with v = K2. Its
+    response to slow changes, as in a turn, is the `quadratic` effect. σ² includes the noise of the
+    sensor, whose constant part is a bias. Leaves: means that depend on the variance within the
+    pose, or steps of bias in a static record while a motor runs. Imitated by: a support that tilts
+    while it vibrates.
     """
 
     name = "vibration_rectification"
@@ -96,5 +97,5 @@ class VibrationRectification(Effect):
     timed = True
 
     def design(self, channels):
-        """Return the derivative of e with respect to v, the mean square σ², SI², (n, 3, 3)."""
+        """Return the derivative of e with respect to v, σ² on each axis, SI², (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(vibration))

@@ -25,9 +25,10 @@ class GSensitivity(Effect):
     reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
 
     def design(self, channels):
-        """Return the derivative of e with respect to the rows of G, one after another, (n, 3, 9).
+        """Return the derivative of e with respect to G, row by row, m/s^2, (n, 3, 9).
 
-        With respect to row i it is the specific force f, m/s^2, on axis i, and zero on the others.
+        The derivative with respect to row i of G is the specific force f on axis i, and zero on the
+        others.
         """
         return row_by_row(channels.other)
 
@@ -47,10 +48,10 @@ class G2Sensitivity(Effect):
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
 
     def design(self, channels):
-        """Return the derivative of e with respect to D, (m/s^2)², (n, 3, 15).
+        """Return the derivative of e with respect to D, axis by axis, (m/s^2)², (n, 3, 15).
 
-        With respect to the five parameters of axis i it is the five products of specific force on
-        axis i, and zero on the other axes.
+        The derivative with respect to the five parameters of axis i is the five products of
+        specific force on axis i, and zero on the others.
         """
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
@@ -74,9 +75,9 @@ class EarthRate(Effect):
     limit = EARTH_RATE
 
     def design(self, channels):
-        """Return the derivative of e with respect to w_up, the direction u, (n, 3, 1).
+        """Return the derivative of e with respect to w_up, which is the direction u, (n, 3, 1).
 
-        The derivative is zero in free fall.
+        It is zero in free fall.
         """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
@@ -98,9 +99,10 @@ class RateSensitivity(Effect):
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
-        """Return the derivative of e with respect to the rows of M, one after another, (n, 3, 9).
+        """Return the derivative of e with respect to M, row by row, rad/s, (n, 3, 9).
 
-        With respect to row i it is the angular rate w, rad/s, on axis i, and zero on the others.
+        The derivative with respect to row i of M is the angular rate w on axis i, and zero on the
+        others.
         """
         return row_by_row(channels.other)
 
@@ -108,11 +110,11 @@ class RateSensitivity(Effect):
 class LeverArm(Effect):
     """``e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0``: axis i of the accelerometer is at r_i.
 
-    w is the angular rate. The centre of rotation is not known, so that an arm common to all axes
-    cannot be determined: the origin is the place of the z axis, and r_x and r_y are relative to it.
-    Leaves: velocity at the end of a move, which depends on the angle turned and on the square of
-    the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, in
-    part.
+    w is the angular rate. The centre of rotation is not known, so an arm that all axes have in
+    common cannot be determined. The origin is therefore the place of the z axis, and r_x and r_y
+    are relative to it. Leaves: velocity at the end of a move, which depends on the angle turned and
+    on the square of the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by:
+    `rate_sensitivity`, in part.
     """
 
     name = "lever_arm"
@@ -126,8 +128,9 @@ class LeverArm(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to r_x and r_y, rad²/s², (n, 3, 6).
 
-        For each sample ``dw/dt × r + w × (w × r) = A r``. The derivative of e_x with respect to r_x
-        is the first row of A, that of e_y with respect to r_y the second.
+        For each sample there is a matrix A with ``dw/dt × r + w × (w × r) = A r``. The derivative
+        of e_x with respect to r_x is the first row of A, and that of e_y with respect to r_y the
+        second.
         """
         w, change = channels.other, channels.evaluate_memory(other_slope)
         # w × (w × r) = w (w·r) - r (w·w)

@@ -1,4 +1,4 @@
-"""Polynomials of a sensor's own output: its scale factor depends on the output."""
+"""Polynomials of a sensor's own output, which make its scale factor depend on the output."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class Quadratic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
 
     def design(self, channels):
-        """Return the derivative of e with respect to K2, y² on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to K2, y² on each axis, SI², (n, 3, 3)."""
         return on_each_axis(channels.output**2)
 
 
@@ -42,7 +42,7 @@ class Cubic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
 
     def design(self, channels):
-        """Return the derivative of e with respect to K3, y³ on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to K3, y³ on each axis, SI³, (n, 3, 3)."""
         return on_each_axis(channels.output**3)
 
 
@@ -60,7 +60,7 @@ class Asymmetry(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
 
     def design(self, channels):
-        """Return the derivative of e with respect to Ka, |y|/2 on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to Ka, |y|/2 on each axis, SI, (n, 3, 3)."""
         return on_each_axis(np.abs(channels.output) / 2)
 
 
@@ -83,7 +83,10 @@ class CrossCoupling(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: Kip, Kio, Kpo"
 
     def design(self, channels):
-        """Return the derivative of e with respect to K_ij, then Kxyz: products, (n, 3, 7)."""
+        """Return the derivative of e with respect to the K_ij, then Kxyz, SI², (n, 3, 7).
+
+        A column has the product of two outputs that the parameter multiplies.
+        """
         y = channels.output
         columns = np.zeros((len(y), 3, 7))
         for k, (i, j) in enumerate(PAIRS):
@@ -107,7 +110,7 @@ class ScaleNonlinearity(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the derivative of e with respect to s2, then s3: y² and y³, (n, 3, 6)."""
+        """Return the derivative of e with respect to s2, then s3: y² and y³, SI, (n, 3, 6)."""
         return on_each_axis(channels.output**2, channels.output**3)
 
 
@@ -126,7 +129,7 @@ class ScaleAsymmetry(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the derivative of e with respect to sa, |y| on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to sa, |y| on each axis, SI, (n, 3, 3)."""
         return on_each_axis(np.abs(channels.output))
 
 
@@ -144,10 +147,13 @@ class Anisoinertia(Effect):
     limit = 0.05
 
     def design(self, channels):
-        """Return the derivative of e with respect to a, the product w_j w_k, (n, 3, 3)."""
+        """Return the derivative of e with respect to a, w_j w_k on axis i, SI², (n, 3, 3)."""
         return on_each_axis(_product_of_others(channels.output))
 
 
 def _product_of_others(y):
-    """Return for each axis the product of the other two components of vectors y, (n, 3), (n, 3)."""
+    """Return for each axis the product of the other two components of n vectors, (n, 3).
+
+    `y`, (n, 3), are the vectors.
+    """
     return np.roll(y, -1, axis=1) * np.roll(y, -2, axis=1)

@@ -1,4 +1,4 @@
-"""Products of powers of outputs, which are tested if known effects leave more than noise."""
+"""Products of powers of outputs, which are tested if all other effects leave more than noise."""
 
 import re
 from collections import Counter
@@ -47,7 +47,10 @@ class Product(Effect):
     bounds = {"reference_temperature": CELSIUS}
 
     def __post_init__(self):
-        """Set the attributes that depend on the factors; raise a ValueError for a wrong field."""
+        """Set `sensors`, `records` and `needs`, which depend on the factors.
+
+        Raises a ValueError if the axis, the sensor or the formula is impossible.
+        """
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
         # at rest the angular rate is zero: only motion shows its products to an accelerometer
@@ -59,7 +62,7 @@ class Product(Effect):
 
     @cached_property
     def factors(self):
-        """The factors, a tuple, in which each is repeated according to its power."""
+        """The factors, a tuple of texts, each repeated according to its power."""
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
@@ -71,7 +74,7 @@ class Product(Effect):
 
     @cached_property
     def parameters(self):
-        """Unit of the one parameter, the coefficient c, by its name, a dict.
+        """Unit of the one parameter, the coefficient c, a dict by its name.
 
         ``output`` stands for the SI unit of the sensor.
         """
@@ -81,7 +84,10 @@ class Product(Effect):
         return {f"c{self.axis}": f"output per {product}"}
 
     def design(self, channels):
-        """Return the derivative of e with respect to c, the product on its axis, (n, 3, 1)."""
+        """Return the derivative of e with respect to c, SI, (n, 3, 1).
+
+        It is the product on the axis of the effect, and zero on the others.
+        """
         design = np.zeros((len(channels.t), 3, 1))
         values = np.ones(len(channels.t))
         for factor in self.factors:
@@ -96,11 +102,19 @@ class Product(Effect):
 
 
 def products(sensor, letters, reference_temperature=None):
-    """Return all products on each axis of a sensor, a tuple, the lowest degree first.
+    """Return all products on each axis of a sensor, a tuple of Product, the lowest degree first.
 
-    `letters` are the letters of the outputs that are factors, f for specific force and w for
-    angular rate, the sensor's own first. The temperature is a factor if a reference, degC, is
-    given. Products that are part of bias, scale factor or misalignment are left out.
+    Products that are part of bias, scale factor or misalignment are left out.
+
+    Parameters
+    ----------
+    sensor : str
+        Name of the sensor.
+    letters : str
+        Letters of the outputs that are factors, the sensor's own first: f for specific force, w for
+        angular rate.
+    reference_temperature : float, optional
+        Reference, degC, if the temperature is a factor, too.
     """
     outputs, formulas = [f"{letter}_{axis}" for letter in letters for axis in AXES], []
     # the sensor's own outputs of degree one are scale factor and misalignment
@@ -123,5 +137,5 @@ def products(sensor, letters, reference_temperature=None):
 
 
 def formula(factors):
-    """Return the formula of factors, such as ``f_y² f_z`` for f_y, f_y and f_z, text."""
+    """Return the formula of a product, such as ``f_y² f_z`` for the factors f_y, f_y and f_z."""
     return " ".join(f + POWERS[factors.count(f)] for f in dict.fromkeys(factors))

@@ -9,7 +9,7 @@ from imuloop.model.effect import Effect
 
 
 def is_before(channels, time):
-    """Return 1 for each sample of a log before a time, s, and 0 for the others, (n,)."""
+    """Return 1 at the samples of a log that are before a time, s, and 0 at the others, (n,)."""
     return (channels.t < time).astype(float)
 
 
@@ -17,15 +17,17 @@ def is_before(channels, time):
 class Steps(Effect):
     """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k; H is the unit step.
 
-    At poses, one step in the log of one session is tested, as ``e_i = h_i (H(t - t_1) - 1)``: the
-    bias b is then that after the step, which later logs have.
-    Leaves: levels that jump. Imitated by: a device that was moved, which tilts an accelerometer;
-    random walk, which the noise of the test allows for.
+    At poses only one step in the log of one session is tested, with ``e_i = h_i (H(t - t_1) - 1)``:
+    the bias b is then the bias after the step, which later logs have. Leaves: means that jump.
+    Imitated by: a device that was moved, which tilts an accelerometer; random walk, which the test
+    allows for as part of the noise.
 
     Attributes
     ----------
-    times, sessions : tuple of float, tuple of str
-        t_k, s from the start of the log, and the session of each.
+    times : tuple of float
+        The times t_k, s from the start of the log.
+    sessions : tuple of str
+        Name of the session of each step.
     spans : tuple of float
         Length, s, of a span without data about each time. The step may lie anywhere in it, so its
         expected value is used, which rises linearly.
@@ -51,32 +53,35 @@ class Steps(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return an empty tuple: a scan of the record finds the times."""
+        """Return an empty tuple: the times come from a scan of the record instead."""
         return ()
 
     def design(self, channels):
-        """Return the derivative of e with respect to h, at n poses or samples, (n, 3, 3 k).
+        """Return the derivative of e with respect to h at n poses or samples, (n, 3, 3 k).
 
-        On each axis it is ``H(t - t_k) - 1``: -1 before step k, else 0; at a pose the mean over it.
+        For step k it is ``H(t - t_k) - 1`` on each axis: -1 before the step and 0 after it. At a
+        pose it is the mean over the samples of the pose.
         """
         return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the derivative of the mean output over n windows with respect to h, (n, 3, 3 k).
+        """Return the derivative of the mean output in n windows with respect to h, (n, 3, 3 k).
 
-        On each axis it is the share of each window after step k, or zero for a step of another
-        session. Takes the name of the session, and start and end of its windows, s, (n, 2).
+        For step k it is, on each axis, the share of each window that lies after the step; it is
+        zero for a step of another session. `session` is the name of the session. `windows`, (n, 2),
+        has start and end of each window, s. The Channels are not used.
         """
         is_here = [name == session for name in self.sessions]
         return on_each_axis(*(share_after(windows, self.times, self.spans) * is_here).T)
 
 
 def share_after(windows, times, spans=0.0):
-    """Return the share of each of n windows after each of k times, (n, k).
+    """Return the share of each of n windows that lies after each of k times, (n, k).
 
     If a time is known only within a span, the share is the mean over all times in the span; this
-    holds for windows that lie in the span or outside it. Takes start and end of the windows, s,
-    (n, 2), the times, s, (k,), and the lengths of the spans about the times, s, (k,).
+    holds for windows that lie in the span or outside it. `windows`, (n, 2), has start and end of
+    each window, s; `times`, (k,), are in s; and `spans`, (k,), are the lengths of the spans about
+    the times, s.
     """
     middle = windows.mean(axis=1, keepdims=True)
     # the share rises linearly; a sample is a window of length zero
@@ -85,7 +90,7 @@ def share_after(windows, times, spans=0.0):
 
 
 def joined(steps):
-    """Return one Steps that has all steps of several Steps, in order of session and time."""
+    """Return one Steps with all jumps of several Steps, in order of session and time."""
     jumps = (jump for s in steps for jump in zip(s.sessions, s.times, s.spans, strict=True))
     sessions, times, spans = zip(*sorted(jumps), strict=True)
     return Steps(times=times, sessions=sessions, spans=spans)

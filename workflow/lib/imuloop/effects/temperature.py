@@ -19,12 +19,12 @@ CELSIUS = (-273.15, 1000.0)
 
 
 def _has_temperature(channels):
-    """Return whether Channels have a temperature that is a number at some point."""
+    """Return whether Channels have a temperature at any point."""
     return channels.temperature is not None and bool(np.isfinite(channels.temperature).any())
 
 
 def temperature(channels):
-    """Return the temperature at the points of Channels, degC, (n,), with gaps interpolated.
+    """Return the temperature at n points of Channels, degC, (n,); missing ones are interpolated.
 
     Raises an ImuloopError if no temperature was logged.
     """
@@ -34,7 +34,7 @@ def temperature(channels):
 
 
 def whole_degrees(channels):
-    """Return the mean temperature of Channels, rounded to whole degrees, degC: a reference."""
+    """Return the mean temperature of Channels in whole degrees, degC, for use as a reference."""
     return float(np.round(temperature(channels).mean()))
 
 
@@ -58,12 +58,12 @@ RELAXATIONS = 3
 
 
 def undo_lag(channels, lag):
-    """Return the temperature before the first-order lag of a thermometer, degC, (n,).
+    """Return the temperature without the lag of the thermometer, degC, (n,).
 
-    The thermometer's lag is `lag`, s, and its reading θ. The result is
-    ``θ_s = θ_l + (θ - θ_l)/a``, where a is `SMOOTHED`, and θ_l is the reading after one more
-    first-order lag, of the time a · lag. For changes slower than a · lag the result is
-    ``θ + lag dθ/dt``, the inverse of the thermometer's lag.
+    The thermometer reads θ; it has a first-order lag of `lag`, s. The result is ``θ_s = θ_l + (θ -
+    θ_l)/a``. Here a is `SMOOTHED`, and θ_l is the response to θ of a first-order lag of the time a
+    · lag. For changes slower than a · lag the result is ``θ + lag dθ/dt``, the inverse of the
+    thermometer's lag.
     """
     warm = temperature(channels)
     smooth = first_order_lag(channels.t, warm, SMOOTHED * lag)
@@ -119,7 +119,7 @@ class BiasTemperature(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple, with the orders that the data can determine.
+        """Return the effects to try, a tuple: those whose order and lag the data can determine.
 
         The order, at most 3, grows with the span of the temperature. Each order is tried without
         lag, and with each lag that is shorter than the data.
@@ -134,7 +134,7 @@ class BiasTemperature(Effect):
         )
 
     def design(self, channels):
-        """Return the derivative of e with respect to c, powers of θ - θ0, (n, 3, 3 order)."""
+        """Return the derivative of e with respect to c, powers of θ - θ0, K^k, (n, 3, 3 order)."""
         warm = channels.evaluate_memory(undo_lag, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
@@ -142,9 +142,10 @@ class BiasTemperature(Effect):
     def clamped(self, design, low, high):
         """Return the derivative with θ - θ0 clamped to a range, (n, 3, 3 order).
 
-        Higher powers are computed from the clamped θ - θ0, since an even power has no sign to clamp
-        by. `design` is the derivative, and `low` and `high` are the ends of the ranges of its
-        columns; the first three belong to θ - θ0.
+        `design`, (n, 3, 3 order), is the derivative. `low` and `high`, (3 order,), are the ends of
+        the ranges of its columns. Only the first three columns are clamped, which are θ - θ0 on
+        each axis. Higher powers are computed from the result, since an even power has no sign to
+        clamp by.
         """
         warmer = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([warmer**k for k in range(1, self.order + 1)], axis=2)
@@ -172,7 +173,7 @@ class ScaleTemperature(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the one effect to try, a tuple: the reference is the mean temperature."""
+        """Return the one effect to try, a tuple: its reference is the mean temperature."""
         return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
@@ -187,10 +188,10 @@ LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def lagged_rate(channels, tau):
-    """Return the lagged rate of temperature, ``(θ - θ_lag)/τ``, at the n samples, K/s, (n,).
+    """Return the lagged rate of the temperature at the n samples of a log, K/s, (n,).
 
-    θ is the temperature in the Channels of a whole log, and θ_lag its response to a first-order lag
-    of `tau`, s.
+    It is ``(θ - θ_lag)/τ``. θ is the temperature, and θ_lag is the response to it of a first-order
+    lag with the time constant τ, `tau`, s.
     """
     warm = temperature(channels)
     return (warm - first_order_lag(channels.t, warm, tau)) / tau
@@ -220,7 +221,7 @@ class BiasTemperatureRate(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: lags that are short enough for the data."""
+        """Return the effects to try, a tuple: those whose lag is short enough for the data."""
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
@@ -235,10 +236,10 @@ SHARES = (0.05, 0.15, 0.4)
 
 
 def hysteresis_state(channels, half_width):
-    """Return ``(θ - play θ)/w`` at the n samples, (n,): 1 in long heating, -1 in long cooling.
+    """Return the state of a thermal hysteresis at the n samples of a log, (n,), from -1 to 1.
 
-    θ is the temperature in the Channels of a whole log. play θ is a point that two walls at the
-    distance w, `half_width`, K, on either side of θ drag along.
+    It is ``(θ - play θ)/w``: 1 in long heating, -1 in long cooling. θ is the temperature. play θ is
+    a point that is dragged by two walls at the distance w, `half_width`, K, on either side of θ.
     """
     warm = temperature(channels)
     return (warm - play(warm, half_width)) / half_width
@@ -274,5 +275,5 @@ class ThermalHysteresis(Effect):
         return tuple(cls(width) for width in sorted(widths))
 
     def design(self, channels):
-        """Return the derivative of e with respect to h, ``(θ - play θ)/w``, (n, 3, 3)."""
+        """Return the derivative of e with respect to h, ``(θ - play_w θ)/w``, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(hysteresis_state, self.half_width))

@@ -19,11 +19,10 @@ TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 class TurnOnBias(Effect):
     """``e_i = s_ki in power cycle k, Σ_k s_ki = 0``: each power cycle has its own bias.
 
-    A power cycle is a session, or the part of a session after a gap that is longer than all
-    recorded time of the session. The bias of the calibration is the mean over the power cycles. In
-    a log of another power cycle the effect is zero.
-    Leaves: levels of the pose means that change between power cycles only. Imitated by: other
-    differences between the power cycles, above all of the temperature.
+    A power cycle is a session; a gap that is longer than all recorded time of the session divides
+    it into two. The bias of the calibration is the mean over the power cycles. In a log of another
+    power cycle the effect is zero. Leaves: pose means that change between power cycles only.
+    Imitated by: other differences between the power cycles, above all of the temperature.
     """
 
     runs: int = 2  # number of power cycles, with its name in calibration.json
@@ -44,14 +43,14 @@ class TurnOnBias(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the one effect to try, a tuple: it has the number of power cycles in the data."""
+        """Return the one effect to try, a tuple: it has as many power cycles as the data."""
         return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):
-        """Return the derivative of e with respect to s, (n, 3, 3 (runs - 1)).
+        """Return the derivative of e with respect to s at n points, (n, 3, 3 (runs - 1)).
 
-        The derivative is 1 at points in the power cycle of the parameter, -1 at points in the
-        first power cycle, and zero everywhere if the power cycle is not known.
+        It is 1 in the power cycle of the parameter, -1 in the first power cycle, and 0 in the
+        others. It is 0 everywhere if the power cycle is not known.
         """
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
@@ -59,10 +58,11 @@ class TurnOnBias(Effect):
         return on_each_axis(*((channels.power_cycle == k) - first for k in range(1, self.runs)))
 
     def repeatability(self, values):
-        """Return the standard deviation of the bias over power cycles, and its 95 % interval.
+        """Return the standard deviation of the bias over power cycles, (3,), and its interval.
 
-        Both are given for each axis, SI, (3,) and (2, 3). The interval follows from χ² with one
-        degree of freedom less than there are power cycles. `values` are the parameters by name, SI.
+        Both are in SI. The 95 % interval, (2, 3), has the lower and the upper end for each axis. It
+        follows from χ² with one degree of freedom less than there are power cycles. `values` are
+        the parameters by name, SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
@@ -74,10 +74,10 @@ class TurnOnBias(Effect):
 
 
 def turn_on_std(calibration, sensor):
-    """Return the standard deviation of the three biases between power cycles, SI, a tuple.
+    """Return the standard deviation of each axis' bias between power cycles, SI, a tuple of three.
 
-    If the SensorCalibration `calibration` has a `turn_on_bias`, the values follow from it. If not,
-    they are those of data sheets, `TURN_ON`. `sensor` is the name of the sensor.
+    It follows from the effect `turn_on_bias` if `calibration`, a SensorCalibration, has it. If not,
+    it is the one of data sheets, `TURN_ON`. `sensor` is the name of the sensor.
     """
     for fitted in calibration.effects:
         if isinstance(fitted.effect, TurnOnBias):

@@ -38,16 +38,19 @@ def apply_file(calibration, source, target, shift=0.0):
     ----------
     calibration : Calibration
         The calibration of the device.
-    source, target : path
-        Parquet file of samples that ingest wrote, and file to write, ``.csv`` or ``.parquet``.
+    source : path
+        Parquet file of samples that ingest wrote.
+    target : path
+        File to write, with the ending ``.csv`` or ``.parquet``.
     shift : float, optional
         Seconds to add to the time stamps.
 
     Returns
     -------
     dict
-        By (sensor, effect), both names, the number of samples at which the effect was clamped to
-        the range of the data that it was fitted to, if there are any.
+        Number of samples at which an effect was clamped, by (sensor, effect), both names: there the
+        effect is outside the range of the data that it was fitted to. Effects that were never
+        clamped are left out.
 
     Raises
     ------
@@ -91,9 +94,9 @@ def apply_file(calibration, source, target, shift=0.0):
 
 
 def _mark_calibrated(table):
-    """Return a table of text cells with a column that marks the samples as calibrated.
+    """Return an Arrow table for a CSV file, with a column that marks the samples as calibrated.
 
-    Temperatures that are missing are empty cells.
+    Missing temperatures become empty cells.
     """
     if TEMPERATURE in table.column_names:
         column = pa.array(table[TEMPERATURE].to_numpy(), from_pandas=True)
@@ -102,7 +105,7 @@ def _mark_calibrated(table):
 
 
 def _write_text(path, table):
-    """Write a table as a CSV file."""
+    """Write an Arrow table as a CSV file."""
     # the header is written apart, as Arrow would put it in quotes
     with open(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(map(text_cell, table.column_names))

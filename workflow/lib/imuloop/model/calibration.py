@@ -1,6 +1,6 @@
 """The calibration of a device, ``x = T (K (raw - b) - e)``, which is applied to samples here.
 
-x are calibrated values, raw values are in the units of the log, T is the misalignment, K are the
+x are calibrated values and raw values are in the unit of the log. T is the misalignment, K are the
 scale factors, b the biases, and e is the sum of the effects. `imuloop.model.sensor` has the same
 equation, with its derivative, for the fit. Nominal SI values are raw values less the data sheet's
 offset, times its scale.
@@ -47,7 +47,7 @@ OF_ONE_LOG = (
 def _digits(value, std):
     """Return a value and its standard error as texts, both rounded to two digits of the error.
 
-    If there is no error, `std` zero or nan, the value has six digits.
+    If there is no error (`std` is zero or not-a-number), the value has six digits.
     """
     if not std > 0:
         return f"{value:.6g}", "—"
@@ -83,14 +83,15 @@ class Calibration:
         return self.accelerometer.measured or self.gyroscope.measured
 
     def parameters(self):
-        """Return all parameters of both sensors.
+        """Return all parameters of both sensors, with their standard errors.
 
         Returns
         -------
         DataFrame
-            A row per parameter: `sensor`, `parameter`, `value`, `std`, `unit` and `source`; `std`
-            is the standard error, nan without a fit; `source` is ``data`` or, of a parameter
-            that the data hardly improved, ``data sheet`` or the file of the prior.
+            A row per parameter: `sensor`, `parameter`, `value`, `std`, `unit` and `source`. `std`
+            is the standard error, not-a-number for a parameter that was not fitted. `source` is
+            ``data``; for a parameter that the data hardly improved, it is ``data sheet`` or the
+            file of the prior.
         """
         rows = [(s, *row) for s in SENSORS for row in getattr(self, s).parameters(s)]
         columns = ["sensor", "parameter", "value", "std", "unit", "source"]
@@ -110,11 +111,11 @@ class Calibration:
         return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
-        """Return lines of text on the limits of the calibration, a list.
+        """Return the limits of the calibration, a list of lines of text.
 
-        `sensors` are the names of the sensors, by default both. The lines name a sensor that is not
-        fully calibrated or explained, and effects, such as a step, that only the calibrated log
-        has.
+        The lines name sensors that are not fully calibrated, sensors with unexplained errors, and
+        effects that hold for the calibrated log only, such as a step. `sensors` are names of
+        sensors; without any, both count.
         """
         lines = []
         for name in sensors or SENSORS:
@@ -129,9 +130,9 @@ class Calibration:
         return lines
 
     def refuse_nominal(self, where=None):
-        """Raise an ImuloopError if nothing was measured.
+        """Raise an ImuloopError if no parameter of the calibration was measured.
 
-        The message names `where`, a path or text, by default the device, and says what to do.
+        The message says what to do. It names `where`, a path or a text, by default the device.
         """
         if not self.measured:
             raise ImuloopError(
@@ -147,10 +148,10 @@ class Calibration:
         ----------
         samples : DataFrame
             The whole log, SI, as ingest writes it: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s)
-            and, if it was logged, `temperature` (degC). Effects with a memory begin at its first
-            sample.
+            and, if it was logged, `temperature` (degC). It has to be whole, because some effects
+            depend on earlier samples.
         nominal : bool
-            Whether a calibration of which nothing was measured is applied all the same.
+            Whether to apply a calibration even if none of its parameters was measured.
 
         Returns
         -------
@@ -180,26 +181,26 @@ class Calibration:
     def apply_arrays(
         self, acceleration, angular_rate, t=None, temperature=None, *, raw=False, nominal=False
     ):
-        """Return calibrated specific force and angular rate of arrays.
+        """Return the calibrated specific force and angular rate of arrays.
 
         Parameters
         ----------
         acceleration, angular_rate : array_like, shape (n, 3) or (3,)
-            Nominal SI (m/s^2, rad/s).
+            Specific force and angular rate of n samples or of one, nominal SI (m/s^2, rad/s).
         t : array_like, shape (n,), optional
-            Seconds since the start of the log; needed if an effect depends on the time or on other
-            samples. In the latter case the arrays have to be the whole log.
+            Seconds since the start of the log. It is needed if an effect depends on the time or on
+            other samples; in the latter case the arrays have to be the whole log.
         temperature : array_like, shape (n,), optional
-            degC; needed if there is an effect of temperature.
+            degC; needed if there is an effect of the temperature.
         raw : bool
             Whether the arrays are in the raw units of the calibration, such as counts, not in SI.
         nominal : bool
-            Whether a calibration of which nothing was measured is applied all the same.
+            Whether to apply a calibration even if none of its parameters was measured.
 
         Returns
         -------
-        ndarray, ndarray
-            m/s^2 and rad/s, shapes as given.
+        acceleration, angular_rate : ndarray
+            Calibrated values, m/s^2 and rad/s, in the shape of the inputs.
 
         Raises
         ------
@@ -235,18 +236,21 @@ class Calibration:
 
         Parameters
         ----------
-        source, target : path
-            Parquet file of samples that ingest wrote, and file to write, ``.csv`` or ``.parquet``.
+        source : path
+            Parquet file of samples that ingest wrote.
+        target : path
+            File to write, with the ending ``.csv`` or ``.parquet``.
         nominal : bool
-            Whether a calibration of which nothing was measured is applied all the same.
+            Whether to apply a calibration even if none of its parameters was measured.
         shift : float
             Seconds to add to the time stamps.
 
         Returns
         -------
         dict
-            By (sensor, effect), both names, the number of samples at which the effect was clamped
-            to the range of the data that it was fitted to, if there are any.
+            Number of samples at which an effect was clamped, by (sensor, effect), both names: there
+            the effect is outside the range of the data that it was fitted to. Effects that were
+            never clamped are left out.
         """
         if not nominal:
             self.refuse_nominal()
@@ -255,25 +259,31 @@ class Calibration:
     def calibrated(self, f, w, t, temperature, clamped=(None, None)):
         """Return calibrated specific force, m/s^2, and angular rate, rad/s, (n, 3) each.
 
-        Effects of the accelerometer depend on the angular rate without the effects of the
-        gyroscope. Effects of the gyroscope depend on the calibrated specific force. Raises an
-        ImuloopError if a result is not finite although all inputs are.
+        Effects of the accelerometer that depend on the angular rate use it without the gyroscope's
+        effects. Effects of the gyroscope use the calibrated specific force. Raises an ImuloopError
+        if a result is not finite although all inputs are.
 
         Parameters
         ----------
-        f, w : ndarray, shape (n, 3)
-            Specific force and angular rate, nominal SI.
+        f : ndarray, shape (n, 3)
+            Specific force, nominal SI.
+        w : ndarray, shape (n, 3)
+            Angular rate, nominal SI.
         t : ndarray, shape (n,)
             Time since the start of the log, s.
         temperature : ndarray, shape (n,), or None
             Temperature, degC.
         clamped : pair of dict or None
-            For each sensor, a dict that is filled, by name of the effect, with a mask of the
-            samples at which it was clamped to the range of the data that it was fitted to.
+            For each sensor a dict, which gets a mask of n samples by name of the effect: those at
+            which the effect was clamped to the range of the data that it was fitted to.
         """
 
         def apply_sensor(sensor, values, other, clamped):
-            """Return calibrated values of a sensor; `other` are the values of the other sensor."""
+            """Return the calibrated values of a sensor, (n, 3).
+
+            `values` are its values in nominal SI, and `other` the values of the other sensor, (n,
+            3) each.
+            """
             output = sensor.output(values)
             channels = Channels(t, output, other, temperature, clamped=clamped)
             return sensor.apply(values, channels)
@@ -293,9 +303,10 @@ class Calibration:
         return f, w
 
     def to_json(self, path):
-        """Write the calibration as JSON.
+        """Write the calibration as a JSON file.
 
-        Raises an ImuloopError for an impossible one, such as one with a singular misalignment.
+        Raises an ImuloopError for an impossible calibration, such as one with a singular
+        misalignment.
         """
         self._refuse_impossible(path)
         content = {"format": FORMAT, "device": self.device, "gravity": self.gravity}
@@ -306,7 +317,7 @@ class Calibration:
 
     @classmethod
     def from_json(cls, path):
-        """Return the calibration of a JSON file.
+        """Return the calibration in a JSON file.
 
         Raises an ImuloopError if the file has another format, violates the schema, or holds an
         impossible calibration, such as one with a singular misalignment.

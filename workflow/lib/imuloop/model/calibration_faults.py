@@ -37,7 +37,7 @@ _ROUNDING = 1e-6
 
 @cache
 def _validator():
-    """Return the validator of the schema of a calibration."""
+    """Return the validator of the JSON schema of a calibration."""
     # loaded late and parsed once, as it takes longer than the rest of reading a calibration
     from jsonschema import Draft202012Validator
 
@@ -45,10 +45,9 @@ def _validator():
 
 
 def content_fault(content):
-    """Return the first fault of the JSON content of a calibration, or None if it is valid.
+    """Return the first fault of the JSON content of a calibration, a line of text, or None.
 
-    A fault is a violation of the schema, or a number that is not finite, described by one line of
-    text. `content` is a dict.
+    `content` is a dict. A fault is a violation of the schema, or a number that is not finite.
     """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
@@ -64,28 +63,19 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return the first reason why no sensor can have a SensorCalibration; None if one can.
+    """Return the first reason why a calibration of a sensor is impossible, a line of text, or None.
 
-    Parameters
-    ----------
-    calibration : SensorCalibration
-    sensor : str
-        Name of the sensor.
-
-    Returns
-    -------
-    str or None
-        One line of text.
+    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
     """
     checks = _base_faults, _effect_faults, _covariance_faults
     return next((fault for check in checks for fault in check(calibration, sensor)), None)
 
 
 def implausible_values(calibration, sensor):
-    """Return a text that names the values of K and b that no data sheet allows, or None.
+    """Return a text that names the scale factors and biases beyond all data sheets, or None.
 
-    Such a SensorCalibration is valid, but the log that it comes from must be faulty. `sensor` is
-    the name of the sensor.
+    A calibration with such values is valid, but its log must be faulty. `calibration` is the
+    SensorCalibration, and `sensor` is the name of the sensor.
     """
     unit, values = calibration.raw_unit, []
     largest, si = _BIAS[sensor]
@@ -100,7 +90,7 @@ def implausible_values(calibration, sensor):
 
 
 def _base_faults(calibration, sensor):
-    """Yield the faults of a sensor's raw unit, misalignment T, scale factors K and biases b, texts.
+    """Yield the faults of a sensor's raw unit, misalignment, scale factors and biases, texts.
 
     `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
     """

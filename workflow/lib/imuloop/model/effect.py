@@ -21,7 +21,7 @@ OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 @dataclass(frozen=True)
 class Channels:
-    """The inputs of an effect at n points, which are samples of a log or poses (rests)."""
+    """The inputs of an effect at n points, which are samples of a log or poses (means of rests)."""
 
     t: np.ndarray  # (n,): time since the start of the log, s
     output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
@@ -37,10 +37,10 @@ class Channels:
     clamped: dict | None = None
 
     def map(self, change):
-        """Return Channels at m other points, from those at n points.
+        """Return Channels at m points that follow from these n points.
 
-        `change` is a function that converts an array (n, …) to (m, …), as by choosing or averaging
-        points. The result has neither power cycles nor masks of clamped points.
+        `change` is a function that converts an array (n, …) to (m, …), for instance by choosing or
+        averaging points. The result has neither power cycles nor masks of clamped points.
         """
 
         def history(function, *constants):
@@ -56,20 +56,19 @@ class Channels:
         )
 
     def evaluate(self, function, *constants):
-        """Return the values of a function of the whole log at the points, (n, …).
+        """Return the values of a function of the whole log at the n points, (n, …).
 
-        The function takes the Channels of the whole log and the constants, and returns an array
-        with a row for each sample. The value at a pose, a rest, is the mean over its samples.
+        `function` takes the Channels of the whole log and the `constants`. It returns an array with
+        a row for each sample. The value at a pose is the mean over the samples of its rest.
         """
         if self.history is not None:
             return self.history(function, *constants)
         return function(self, *constants)
 
     def evaluate_memory(self, function, *constants):
-        """Return the values at the points, (n, …), of a function that needs more than one sample.
+        """Return the values at the n points, (n, …), of a function that needs more than one sample.
 
-        The function takes the Channels of the whole log and the constants, and returns an array
-        with a row for each sample. Raises an ImuloopError for a single sample without its log.
+        It is `evaluate`, but raises an ImuloopError for a single sample without its log.
         """
         if self.history is None and len(self.t) == 1:
             raise ImuloopError(
@@ -80,10 +79,11 @@ class Channels:
 
 
 class LoggedChannels:
-    """The inputs of an effect at all N samples of a log.
+    """The inputs of an effect at all N samples of a log, computed when they are first used.
 
-    The outputs of the sensor and of the other sensor, (N, 3), SI, are computed when they are first
-    used: `output` and `other` are functions without arguments that return them.
+    `t`, (N,), is the time, s, and `temperature`, (N,), is in degC. `output` and `other` are
+    functions without arguments. They return the outputs of the sensor and of the other sensor, (N,
+    3), SI; the attributes of these names are the outputs.
     """
 
     def __init__(self, t, temperature, output, other):
@@ -97,12 +97,12 @@ class LoggedChannels:
 class Effect:
     """Base class of all effects; a subclass with a name registers itself in the library.
 
-    An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
-    model ``x = T (K (raw - b) - e)``. p_k are its parameters, and D, which a subclass computes, is
-    the derivative of e with respect to them. T is the misalignment, K are the scale factors and b
-    the biases of the sensor. Constants that enter D nonlinearly, such as a time constant or an
-    order, are fields of the subclass, which is then a frozen dataclass. An instance, with values of
-    the constants, is a variant of the effect.
+    In the model ``x = T (K (raw - b) - e)`` of a sensor, an effect adds ``e = Σ_k p_k D_k`` to the
+    output of the sensor, SI, on the sensor's own axes. T is the misalignment, K are the scale
+    factors and b the biases. p_k are the parameters of the effect. D is the derivative of e with
+    respect to them; a subclass computes it. Constants that enter D nonlinearly, such as a time
+    constant or an order, are fields of the subclass, which is then a frozen dataclass. An instance
+    has values of the constants and is called a variant of the effect.
     """
 
     name: ClassVar[str]  # name in the results
@@ -150,28 +150,35 @@ class Effect:
         return asdict(self)
 
     def in_session(self, channels, session, windows):
-        """Return the derivative D of the mean output over n windows of a session, SI, (n, 3, p).
+        """Return the derivative D of the mean output in n windows of a session, SI, (n, 3, p).
 
-        D is the derivative with respect to the p parameters of the effect. The Channels have a
-        point for each window, with the means over it. An effect that differs between sessions, or
-        changes within a window, also uses the name of the `session`, and the start and end of the
-        `windows`, s, (n, 2).
+        D is the derivative with respect to the p parameters of the effect.
+
+        Parameters
+        ----------
+        channels : Channels
+            Means over the windows, a point for each.
+        session : str
+            Name of the session, for an effect that differs between sessions.
+        windows : ndarray, shape (n, 2)
+            Start and end of each window, s, for an effect that changes within a window.
         """
         return self.design(channels)
 
     def clamped(self, design, low, high):
-        """Return the derivative D, `design`, (n, 3, p), clamped to a range for each parameter.
+        """Return the derivative D with its values clamped to a range for each parameter, (n, 3, p).
 
-        `low` and `high`, (p,), are the ends of the ranges of D in the data that the effect was
-        fitted to: beyond them it is not known.
+        `design`, (n, 3, p), is D at n points for p parameters. `low` and `high`, (p,), are the ends
+        of the ranges that D has in the data that the effect was fitted to; beyond them the effect
+        is not known.
         """
         # zeros are kept: they are axes that do not depend on a parameter
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
-        """Return the effect with its constants in `FINE`, a time or a width, times a factor.
+        """Return the effect with its time constant, or other constant in `FINE`, times `factor`.
 
-        An effect without such a constant is returned as it is.
+        An effect without such a constant is returned unchanged.
         """
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
@@ -190,39 +197,41 @@ class Effect:
 
     @classmethod
     def variants(cls, channels):
-        """Return the variants of the effect to test in data with these Channels, a tuple.
+        """Return the variants of the effect to test in some data, a tuple.
 
-        The variants have different values of the constants, such as time constants short enough
-        for the data. The tuple is empty for an effect whose derivative is not implemented.
+        `channels` are the inputs in these data. The variants differ in the values of the constants,
+        such as time constants that are short enough for the data. The tuple is empty for an effect
+        without an implemented derivative.
         """
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
-        """Return the SI unit of each parameter, a dict by name, for a sensor, given by its name."""
+        """Return the SI unit of each parameter, a dict by name, for a sensor with a name."""
         output = OUTPUT[sensor]
         return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
-        """Return D, the derivative of e with respect to the p parameters, SI, (n, 3, p).
+        """Return D, the derivative of e with respect to p parameters at n points, SI, (n, 3, p).
 
-        The effect adds e to the output at the n points of the Channels. If it is not linear in the
-        parameters, D is the derivative at zero.
+        e is what the effect adds to the sensor's output. The second axis of D is the axis of the
+        sensor. If e is not linear in the parameters, D is the derivative at zero.
         """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D, SI, (n, 3, p), such that ``D x = e`` at the parameters x = `values`, (p,).
+        """Return D with ``e = D x`` at given parameters x, SI, (n, 3, p).
 
-        The effect adds e to the output at the n points of the Channels. D is the derivative of e
-        at zero, unless e is not linear in the parameters.
+        `values`, (p,), are the parameters x, and e is what the effect adds to the output at the n
+        points of the Channels. If e is linear in the parameters, D is its derivative and does not
+        depend on x.
         """
         return self.design(channels)
 
 
 def find_effect(name):
-    """Return the class of the effect with the given name in the results.
+    """Return the class of the effect with a name.
 
-    Raises an ImuloopError if the library has none.
+    Raises an ImuloopError if the library has no effect of this name.
     """
     if name not in Effect.library:
         names = ", ".join(sorted(Effect.library)) or "none is loaded"
@@ -234,8 +243,9 @@ def find_effect(name):
 def effect_design(effects, channels, values=()):
     """Return the derivative of the sum of effects with respect to their p parameters, (n, 3, p).
 
-    The derivative is taken at the n points of the Channels and at the parameters `values`. These
-    may be only the first of the p parameters; the others are zero.
+    `effects` is a sequence of Effect. The derivative is taken at the n points of the Channels and
+    at the parameters `values`. There may be fewer than p values; the other parameters are then
+    zero.
     """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     x = np.pad(np.asarray(values, dtype=float), (0, ends[-1] - len(values)))
@@ -269,12 +279,12 @@ class FittedEffect:
         return np.array([self.values[name] for name in self.effect.parameters])
 
     def output(self, channels):
-        """Return e, which the effect adds to the sensor's output, SI, (n, 3).
+        """Return e, what the effect adds to the sensor's output at n points, SI, (n, 3).
 
-        e is the derivative D of e with respect to the p parameters, (n, 3, p), at the n points of
-        the Channels, times the parameters. D is clamped to its range in the data that the effect
-        was fitted to, parameter by parameter. `channels.clamped` gets a mask, (n,), of the points
-        with a clamped derivative, under the name of the effect.
+        It is the derivative D of e with respect to the p parameters, (n, 3, p), times the
+        parameters. D is clamped, parameter by parameter, to its range in the data that the effect
+        was fitted to. If `channels.clamped` is a dict, it gets a mask of the points at which D was
+        clamped, (n,), under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:
@@ -288,11 +298,11 @@ class FittedEffect:
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return a copy with the range of e's derivative with respect to each parameter.
+        """Return a copy with the range that each column of D has in some data.
 
-        A range is the least and the largest value over the given data, which are `channels`, a
-        list of Channels. `output` clamps the derivative to these ranges, as the effect is not known
-        beyond them. A parameter whose derivative is zero everywhere keeps its earlier range.
+        D is the derivative of e with respect to the parameters, a column for each. `output` clamps
+        it to these ranges, as the effect is not known beyond them. `channels` is a list of
+        Channels, the data. A parameter whose derivative is zero everywhere keeps its earlier range.
         """
         designs = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
@@ -304,16 +314,16 @@ class FittedEffect:
         return replace(self, ranges=ranges)
 
     def to_dict(self):
-        """Return the content of a JSON file for the effect, a dict."""
+        """Return the entry of the effect in a JSON file, a dict."""
         content = {"name": self.name, "constants": self.effect.constants}
         content |= {"parameters": self.values, "std": self.std}
         return content | ({"range": self.ranges} if self.ranges else {})
 
     @classmethod
     def from_dict(cls, content):
-        """Return the FittedEffect of the content of a JSON file, a dict.
+        """Return the FittedEffect from its entry in a JSON file, a dict.
 
-        Raises an ImuloopError if the library has no such effect.
+        Raises an ImuloopError if the library has no such effect, or if the entry does not fit it.
         """
         name, values = content["name"], content["parameters"]
         std, ranges = content.get("std", {}), content.get("range", {})
@@ -335,9 +345,10 @@ class FittedEffect:
 
 
 def _check_constants(effect):
-    """Raise TypeError or ValueError for a constant of an effect that is not possible.
+    """Raise a TypeError or a ValueError for an impossible constant of an effect.
 
-    Such a constant is of another type than its default, or out of its bounds or infinite.
+    A TypeError is for another type than that of the default, a ValueError for a value that is
+    infinite or beyond its bounds.
     """
     for constant in fields(effect):
         value = getattr(effect, constant.name)

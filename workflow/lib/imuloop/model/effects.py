@@ -1,4 +1,4 @@
-"""An effect with the sensor that has it: both sensors are fitted together."""
+"""An effect together with the sensor that has it, since both sensors are fitted together."""
 
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -8,9 +8,9 @@ from imuloop.model.effect import Effect
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A kind of effect: a class of the library of effects, and the sensor that has the effect.
+    """A class of the library of effects, together with the sensor that has the effect.
 
-    An EffectKind has the name, the limit and the `is_formula` of the class.
+    It has the name, the limit and the `is_formula` of the class.
     """
 
     cls: type
@@ -42,9 +42,9 @@ class SensorEffect:
 
     @property
     def kind(self):
-        """The kind of the effect: its class and its sensor, an EffectKind."""
+        """The class of the effect and its sensor, an EffectKind."""
         return EffectKind(type(self.effect), self.sensor)
 
     def moved(self, factor):
-        """Return the SensorEffect with its time constant, or width, multiplied by a factor."""
+        """Return the SensorEffect with its time constant, or width, multiplied by `factor`."""
         return replace(self, effect=self.effect.moved(factor))

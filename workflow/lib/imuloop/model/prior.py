@@ -18,8 +18,8 @@ DATA_SHEET = "data sheet"
 class Prior:
     """``x ~ N(mean, covariance)``, where x are the 21 parameters of both sensors, nominal SI.
 
-    They are T, K and b, misalignment, scale factors and biases, of the accelerometer, then of the
-    gyroscope, without effects.
+    They are the misalignments T, the scale factors K and the biases b of the accelerometer, then
+    those of the gyroscope. Parameters of effects have no prior here.
 
     Attributes
     ----------
@@ -41,16 +41,16 @@ class Prior:
         return np.sqrt(np.diag(self.covariance))
 
     def of(self, sensor):
-        """Return mean, (p,), and covariance, (p, p), of the p parameters of one sensor.
+        """Return the mean, (p,), and the covariance, (p, p), of the p parameters of one sensor.
 
-        `sensor` is its name.
+        `sensor` is the name of the sensor.
         """
         return self.mean[BASE[sensor]], self.covariance[BASE[sensor], BASE[sensor]]
 
     def with_sensor(self, sensor, source, mean, covariance):
-        """Return the Prior with another mean, (p,), and covariance, (p, p), of one sensor.
+        """Return the Prior with another mean, (p,), and another covariance, (p, p), of one sensor.
 
-        `sensor` is its name, and `source` is the file that they come from.
+        `sensor` is the name of the sensor, and `source` the file that the values come from.
         """
         prior = self.with_part(BASE[sensor], mean, covariance)
         return replace(prior, sources=self.sources | {sensor: source})
@@ -58,8 +58,8 @@ class Prior:
     def with_part(self, places, mean, covariance):
         """Return the Prior with another mean, (p,), and covariance, (p, p), of p parameters.
 
-        `places` is the slice of their indices in x. In the result they are independent of all other
-        parameters.
+        `places` is the slice of their indices in x. In the result these parameters are independent
+        of all others.
         """
         new_mean, new_covariance = self.mean.copy(), self.covariance.copy()
         new_mean[places] = mean
@@ -68,21 +68,22 @@ class Prior:
         return replace(self, mean=new_mean, covariance=new_covariance)
 
     def widened(self, x):
-        """Return the Prior with larger standard deviations of parameters that contradict it.
+        """Return the Prior with larger standard deviations for parameters that contradict it.
 
-        `x`, (21,), are estimates of the parameters. If one is more than `FAR_OFF` standard
-        deviations from the mean, its distance from the mean becomes the standard deviation: the
-        data must come from another unit, range or board than the data sheet.
+        `x`, (21,), are estimates of the parameters. If an estimate is more than `FAR_OFF` standard
+        deviations from the mean, this distance becomes the standard deviation: the data must come
+        from another unit, range or board than the data sheet describes.
         """
         distance = np.abs(x - self.mean)
         factor = np.where(distance > FAR_OFF * self.std, distance / self.std, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factor, factor))
 
     def rows(self):
-        """Return R, (21, 21), and z, (21,), such that ``R x - z`` has mean zero and variance one.
+        """Return R, (21, 21), and z, (21,), with which a fit includes the prior.
 
-        The components of this difference are independent, so ``Rᵀ R`` is the inverse of the
-        covariance. A fit adds ``|R x - z|²`` to its sum of squares.
+        The fit adds ``|R x - z|²`` to its sum of squares. By the prior, the components of ``R x -
+        z`` are independent, with mean zero and variance one, so ``Rᵀ R`` is the inverse of the
+        covariance.
         """
         # the root of the correlations is accurate whatever the units of the parameters
         std = self.std
@@ -92,11 +93,11 @@ class Prior:
 
 
 def data_sheet(tolerances=None):
-    """Return the Prior of a data sheet.
+    """Return the Prior that follows from the tolerances of a data sheet.
 
-    `tolerances` has, by sensor, a dict with the standard deviations of ``misalignment``,
-    ``scale_factor`` and ``bias``. A sensor without such a dict has the tolerance of a generic
-    device. The mean is a sensor without errors, and all parameters are independent.
+    `tolerances` has for each sensor a dict with the standard deviations of ``misalignment``,
+    ``scale_factor`` and ``bias``. A sensor without one gets the tolerances of a generic device. The
+    mean is a sensor without errors, and all parameters are independent.
     """
     declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []

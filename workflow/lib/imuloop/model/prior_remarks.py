@@ -18,9 +18,9 @@ CAUSES = {
 
 
 def remarks(sensor, calibration):
-    """Return remarks on a SensorCalibration and its prior, sentences, the most important first.
+    """Return remarks for the user on a SensorCalibration and its prior, a list of sentences.
 
-    The remarks name parameters far from the prior, and those that the data hardly improved. The
+    They name the parameters far from the prior, and then those that the data hardly improved. The
     list may be empty. `sensor` is the name of the sensor.
     """
     sentences = []
@@ -35,7 +35,7 @@ def remarks(sensor, calibration):
 
 
 def advice_on_unimproved(sensor, names):
-    """Return a text that names parameters that the data did not improve, and what would do so.
+    """Return a text that names parameters that the data did not improve, and says what to record.
 
     `sensor` is the name of the sensor. `names` are one or more parameters, such as ``T01``, ``K0``
     and ``b0``.

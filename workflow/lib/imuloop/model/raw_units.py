@@ -12,18 +12,22 @@ from imuloop.model.state import BASE, ENTRIES, NAMES, State
 
 
 def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
-    """Return the SensorCalibration, in raw units, of p parameters in nominal SI.
+    """Return the SensorCalibration, in raw units, of parameters that were fitted in nominal SI.
 
-    ``K_raw = K s`` and ``b_raw = b / s + offset``, where s is `unit.scale`, offset `unit.offset`,
-    and nominal SI is ``s (raw - offset)``. T does not depend on the unit.
+    ``K_raw = K s`` and ``b_raw = b / s + offset``, where s is `unit.scale`, offset is
+    `unit.offset`, and nominal SI values are ``s (raw - offset)``. T does not depend on the unit.
 
     Parameters
     ----------
-    sensor, unit : str, RawUnit
-        Name of the sensor, and the raw unit of its log.
-    x, covariance : ndarray, shape (p,), (p, p)
-        The off-diagonal elements of T, K, b, then the parameters of the effects, and the
-        covariance of all.
+    sensor : str
+        Name of the sensor.
+    unit : RawUnit
+        The raw unit of its log.
+    x : ndarray, shape (p,)
+        The p parameters, nominal SI: the off-diagonal elements of T, then K, b and the parameters
+        of the effects.
+    covariance : ndarray, shape (p, p)
+        Their covariance.
     effects : sequence of Effect, optional
         The effects of the sensor.
     prior : Prior, optional
@@ -60,11 +64,11 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
 
 
 def prior_content(sensor, prior, unit):
-    """Return the prior of a sensor in the raw units of its log, a dict.
+    """Return the prior of a sensor in the raw units of its log, a dict for the JSON file.
 
     The dict has the ``source`` of the prior, and ``mean`` and ``std``, which are dicts by name of
     the parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal
-    SI, and `unit` the RawUnit.
+    SI, and `unit` the RawUnit of the log.
     """
     names, places = NAMES[sensor], BASE[sensor]
     factor = si_factor(names, unit)
@@ -76,10 +80,10 @@ def prior_content(sensor, prior, unit):
 
 
 def in_nominal_si(sensor, calibration):
-    """Return the off-diagonal elements of T, then K and b, of a SensorCalibration in nominal SI.
+    """Return the parameters of a SensorCalibration without its effects, in nominal SI, (p,).
 
-    The result has the shape (p,), with p = 9 for the accelerometer and 12 for the gyroscope.
-    `sensor` is the name of the sensor.
+    They are the off-diagonal elements of T, then K and b; p is 9 for the accelerometer and 12 for
+    the gyroscope. `sensor` is the name of the sensor.
     """
     unit = calibration.raw_unit
     T = calibration.T[ENTRIES[sensor]]
@@ -89,9 +93,9 @@ def in_nominal_si(sensor, calibration):
 def state_of(calibration, effects=None):
     """Return the State of a Calibration, its p parameters in nominal SI, and their covariance.
 
-    Parameters of different sensors have no covariance, and parameters that were not estimated have
-    no variance. `effects` is a sequence of SensorEffect, some effects of the calibration; by
-    default the state has all of them.
+    Parameters of different sensors have no covariance. Parameters that were not estimated have no
+    variance. `effects` is a sequence of SensorEffect, the effects of the calibration that the State
+    has; by default it has all.
 
     Returns
     -------
@@ -125,10 +129,11 @@ def state_of(calibration, effects=None):
 
 
 def si_factor(names, unit):
-    """Return the factors, (p,), that convert errors of parameters from raw units to nominal SI.
+    """Return the factors that convert errors of p parameters from raw units to nominal SI, (p,).
 
-    With the scale s of the RawUnit `unit` they are 1/s for K, s for b, and 1 for T and for the
-    parameters of effects. `names` are the names of the p parameters. The offset of b is left out.
+    With the scale s of the RawUnit `unit`, they are 1/s for K, s for b, and 1 for T and for
+    parameters of effects. `names` are the names of the p parameters. The offset does not matter to
+    an error.
     """
     factors = {"K": 1 / unit.scale, "b": unit.scale}
     return np.array([1.0 if "." in name else factors.get(name[0], 1.0) for name in names])

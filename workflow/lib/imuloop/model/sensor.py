@@ -1,4 +1,4 @@
-"""The equation of a sensor for the fit, with its Jacobian; `calibration` applies it to samples."""
+"""The equation of a sensor with its derivative, for the fit; `calibration` applies it."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Sensor:
-    """The equation ``x = T (K (y - b) - e)`` of a sensor.
+    """The equation ``x = T (K (y - b) - e)`` of a sensor, with values of its parameters.
 
-    y are values in nominal SI (raw readings less the data sheet's offset, times its scale), x the
-    calibrated values, on the axes of the body, and e is the sum of the sensor's effects, ``e = D
+    y are values in nominal SI: raw readings less the data sheet's offset, times its scale. x are
+    the calibrated values, on the axes of the body. e is the sum of the sensor's effects: ``e = D
     p``, with their parameters p and the derivative D.
 
     Attributes
@@ -37,46 +37,51 @@ class Sensor:
         return self.T * self.K
 
     def output(self, y):
-        """Return ``K (y - b)``, SI on the sensor's own axes, (..., 3), of y in nominal SI."""
+        """Return ``K (y - b)``, SI, on the sensor's own axes, (..., 3).
+
+        `y`, (..., 3), are values in nominal SI.
+        """
         return self.K * (y - self.b)
 
     def aligned(self, y):
-        """Return ``T K (y - b)``, SI on the axes of the body without effects, (..., 3).
+        """Return ``T K (y - b)``, SI, on the axes of the body, without effects, (..., 3).
 
-        Takes y in nominal SI, (..., 3).
+        `y`, (..., 3), are values in nominal SI.
         """
         return self.output(y) @ self.T.T
 
     def corrected(self, y, D):
-        """Return ``K (y - b) - e``, SI on the sensor's own axes, (..., 3).
+        """Return ``K (y - b) - e``, SI, on the sensor's own axes, (..., 3).
 
-        Takes y in nominal SI, (..., 3), and the derivative D of e with respect to p, (..., 3, q).
+        `y`, (..., 3), are values in nominal SI. `D`, (..., 3, q), is the derivative of e with
+        respect to the q parameters of the effects.
         """
         # a search has hundreds of effects of size zero, for which the product is not computed
         return self.output(y) - D @ self.p if self.p.any() else self.output(y)
 
     def values(self, y, D):
-        """Return the calibrated values ``x = T (K (y - b) - e)``, SI on the body's axes, (..., 3).
+        """Return the calibrated values ``x = T (K (y - b) - e)``, SI, on the body's axes, (..., 3).
 
-        Takes y in nominal SI, (..., 3), and the derivative D of e with respect to p, (..., 3, q).
+        `y`, (..., 3), are values in nominal SI. `D`, (..., 3, q), is the derivative of e with
+        respect to the q parameters of the effects.
         """
         return self.corrected(y, D) @ self.T.T
 
     def jacobian(self, A, y, D):
-        """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
+        """Return the derivative of sums of ``A x`` with respect to the parameters of the sensor.
 
-        The derivative is with respect to the parameters of the sensor; A x has `a` components. With
-        c = K (y - b) - e, x = T c has the derivatives c_j with respect to T_ij on axis i,
-        T_ij (y - b)_j with respect to K_j on axis i, and -T diag(K) with respect to b.
+        There are m sums, each over k samples, and A x has `a` components. With c = K (y - b) - e,
+        the value x = T c has these derivatives: c_j with respect to T_ij on axis i, T_ij (y - b)_j
+        with respect to K_j on axis i, and -T diag(K) with respect to b.
 
         Parameters
         ----------
         A : ndarray, shape (m, k, a, 3)
-            Matrices that multiply the calibrated values x.
+            Matrix that multiplies the calibrated value x of each sample.
         y : ndarray, shape (m, k, 3)
             Values in nominal SI.
         D : ndarray, shape (m, k, 3, q)
-            Derivative of e with respect to p.
+            Derivative of e with respect to the q parameters of the effects.
 
         Returns
         -------
@@ -87,7 +92,7 @@ class Sensor:
         flat = A.reshape(m, k, 3 * a).swapaxes(1, 2)
 
         def sum_products(values):
-            """Return sums over samples of A_ri v_j, (m, a, 3, 3), with the values v, (m, k, 3)."""
+            """Return sums over samples of A_ri v_j, (m, a, 3, 3), for vectors v, (m, k, 3)."""
             return (flat @ values).reshape(m, a, 3, 3)
 
         # the axes are: group m, row r of A, column i of A, axis j of the values
@@ -97,11 +102,11 @@ class Sensor:
         return np.concatenate([by_T, by_K, by_b, self.effect_jacobian(A, D)], axis=2)
 
     def effect_jacobian(self, A, D):
-        """Return the derivative of the sums of ``A x`` with respect to p alone, (m, a, q).
+        """Return the derivative of sums of ``A x`` with respect to p, (m, a, q).
 
-        The sums are over the k samples of each of m groups. Takes the matrices A, (m, k, a, 3),
-        that multiply the calibrated values x, and the derivative D of e with respect to p, (m, k,
-        3, q). As x = T (… - e), the result is the sum of -A T D.
+        p are the q parameters of the effects. There are m sums, each over k samples. `A`, (m, k, a,
+        3), is the matrix that multiplies the calibrated value x of each sample. `D`, (m, k, 3, q),
+        is the derivative of e with respect to p. As x = T (… - e), the result is the sum of -A T D.
         """
         m, k, a, _ = A.shape
         # samples and axes become one dimension: one product of matrices instead of one per sample

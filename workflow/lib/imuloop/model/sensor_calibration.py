@@ -45,10 +45,9 @@ class SensorCalibration:
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
-        """Return the nominal calibration, the scale and offset of the data sheet.
+        """Return the nominal calibration of a sensor: the scale and the offset of its data sheet.
 
-        `raw_unit` is the RawUnit that has them, and `not_testable` the reason why nothing was
-        measured, a text.
+        `raw_unit` is the RawUnit that has them. `not_testable` is a text: why nothing was measured.
         """
         scale, offset = np.full(3, raw_unit.scale), np.full(3, raw_unit.offset)
         return cls(raw_unit, T=np.eye(3), K=scale, b=offset, not_testable=not_testable)
@@ -67,25 +66,28 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Reduced χ² of the fit, but at least one.
-
-        The excess is one if there are no degrees of freedom, so that the reduced χ² is None.
-        """
+        """Reduced χ² of the fit, but at least one; one if it is not known."""
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
-        """Return ``K (raw - b)``, SI on the sensor's own axes, of values in nominal SI, (…, 3)."""
+        """Return ``K (raw - b)``, SI, on the sensor's own axes, (…, 3).
+
+        `values`, (…, 3), are in nominal SI.
+        """
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
     def aligned(self, values):
-        """Return ``T K (raw - b)``, SI on the body's axes, of values in nominal SI, (…, 3)."""
+        """Return ``T K (raw - b)``, SI, on the axes of the body, without effects, (…, 3).
+
+        `values`, (…, 3), are in nominal SI.
+        """
         return self.output(values) @ self.T.T
 
     def apply(self, values, channels=None):
-        """Return calibrated values, SI, (n, 3), of values in nominal SI, (n, 3).
+        """Return the calibrated values of n samples, SI, on the axes of the body, (n, 3).
 
-        The result is on the axes of the body. `channels` are the Channels that the effects depend
-        on, at the n samples; without effects they are not used.
+        `values`, (n, 3), are in nominal SI. `channels` are the Channels at the n samples, the
+        inputs of the effects; they are not needed if there are no effects.
         """
         output = self.output(values)
         for effect in self.effects:
@@ -104,11 +106,12 @@ class SensorCalibration:
         return float(getattr(self, name[0])[tuple(map(int, name[1:]))])
 
     def parameters(self, sensor):
-        """Return a list of (name, value, standard error, unit, source) of all parameters.
+        """Return all parameters, a list of (name, value, standard error, unit, source).
 
-        T, K and b come first, then the parameters of the effects. The standard error is nan for a
-        parameter that was not estimated. The source is ``data``, or the source of the prior for a
-        parameter that the data did not improve. `sensor` is the name of the sensor.
+        T, K and b come first, then the parameters of the effects. The standard error is
+        not-a-number for a parameter that was not estimated. The source is ``data``; for a parameter
+        that the data did not improve, it is the source of the prior. `sensor` is the name of the
+        sensor.
         """
         # names of the SI unit and of the raw unit
         si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
@@ -137,25 +140,25 @@ class SensorCalibration:
     def unimproved(self):
         """Names of the parameters that the data hardly improved, a tuple.
 
-        The standard error of such a parameter is more than the share `IMPROVED` of the standard
-        deviation of the prior. Parameters that were not estimated are among them.
+        The standard error of such a parameter is more than `IMPROVED` times the standard deviation
+        of its prior. Parameters that were not estimated are among them.
         """
         prior, std = (self.prior or {"std": {}})["std"], self.std
         return tuple(name for name, size in prior.items() if std.get(name, size) > IMPROVED * size)
 
     @property
     def far_off(self):
-        """Parameters far from the prior: by name, the distance from its mean.
+        """Parameters that are far from the prior, a dict of their distances by name.
 
-        The unit of a distance is the standard deviation of the prior; only those above `FAR_OFF`
-        are in the dict.
+        A distance is the size of the parameter less the mean of the prior, in standard deviations
+        of the prior. Only those above `FAR_OFF` are in the dict.
         """
         prior = self.prior or {"std": {}}
         sizes = {n: abs(self.value(n) - prior["mean"][n]) / s for n, s in prior["std"].items()}
         return {name: size for name, size in sizes.items() if size > FAR_OFF}
 
     def to_dict(self):
-        """Return the content of the JSON file for this sensor, a dict."""
+        """Return the entry of this sensor in a JSON file, a dict."""
         covariance = np.zeros((0, 0)) if self.covariance is None else self.covariance
         return {
             "raw_unit": self.raw_unit.name,
@@ -172,7 +175,7 @@ class SensorCalibration:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the SensorCalibration of the content of a JSON file for one sensor, a dict.
+        """Return the SensorCalibration from its entry in a JSON file, a dict.
 
         Raises an ImuloopError if the matrix of the covariance is not square, or if an effect is not
         in the library.

@@ -3,7 +3,7 @@
 All parameters are in nominal SI: they apply to raw readings less the data sheet's offset, times its
 scale. A sensor has the misalignment T, the scale factors K and the biases b. The accelerometer
 defines the axes of the body, so its T is upper triangular and has three parameters. The T of the
-gyroscope has six parameters.
+gyroscope has six.
 """
 
 from dataclasses import dataclass
@@ -30,9 +30,10 @@ COUNT, BIAS = 21, slice(18, 21)
 
 @dataclass(frozen=True)
 class State:
-    """Values x of all parameters of both sensors, nominal SI, (21 + q,).
+    """Values of all parameters of both sensors and of their effects, nominal SI.
 
-    The last q are the parameters of `effects`, a tuple of SensorEffect.
+    `x`, (21 + q,), has the 21 parameters of the sensors and then the q parameters of `effects`, a
+    tuple of SensorEffect.
     """
 
     x: np.ndarray
@@ -40,18 +41,18 @@ class State:
 
     @property
     def names(self):
-        """Name of every parameter: ``accelerometer.K0``, ``gyroscope.g_sensitivity.G00``."""
+        """Names of all parameters, such as ``gyroscope.K0`` or ``gyroscope.g_sensitivity.G00``."""
         return tuple(f"{sensor}.{name}" for sensor, name, _ in parameters(self.effects))
 
     @property
     def units(self):
-        """SI unit of a change of each parameter, a tuple."""
+        """SI units of all parameters, a tuple; an element of T is in rad."""
         return tuple(unit for *_, unit in parameters(self.effects))
 
     def places(self, sensor):
-        """Return the indices of the parameters of one sensor in x, (p,) of int.
+        """Return the indices in x of the p parameters of one sensor, (p,) of int.
 
-        `sensor` is its name; the parameters of its effects come last.
+        `sensor` is the name of the sensor. The parameters of its effects come last.
         """
         counts = [len(effect.parameters) for effect in self.effects]
         owners = np.repeat([effect.sensor == sensor for effect in self.effects], counts)
@@ -59,7 +60,10 @@ class State:
         return np.append(base, COUNT + np.flatnonzero(owners))
 
     def sensor(self, sensor):
-        """Return the equation of a sensor with these parameters, a Sensor; `sensor` is its name."""
+        """Return the equation of one sensor with these parameters, a Sensor.
+
+        `sensor` is the name of the sensor.
+        """
         values, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
         # the n off-diagonal elements of T come first, then K, b, and the parameters of the effects
         n = len(entries[0])
@@ -67,15 +71,19 @@ class State:
         return Sensor(entries, T=T, K=values[n : n + 3], b=values[n + 3 : n + 6], p=values[n + 6 :])
 
     def with_effects(self, effects):
-        """Return the State with more effects, a sequence of SensorEffect, with parameters zero."""
+        """Return the State with more effects, whose parameters are zero.
+
+        `effects` is a sequence of SensorEffect.
+        """
         count = sum(len(e.parameters) for e in effects)
         return State(np.append(self.x, np.zeros(count)), (*self.effects, *effects))
 
 
 def parameters(effects=()):
-    """Return a list of (sensor, name, SI unit) of all parameters of a state.
+    """Return all parameters of a state, a list of (sensor, name, SI unit).
 
-    Both sensors come first, then the `effects`, a sequence of SensorEffect.
+    The parameters of both sensors come first, then those of the `effects`, a sequence of
+    SensorEffect.
     """
     rows = []
     for sensor, names in NAMES.items():

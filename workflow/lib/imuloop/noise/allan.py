@@ -28,12 +28,25 @@ PIECE = 1 << 17
 
 
 def session_curves(session, settings, stage="raw"):
-    """Return the Allan curves of the rests of a RecordedSession as rows of allan.parquet.
+    """Return the Allan curve of each axis of a session, as rows of allan.parquet.
 
-    The result is a DataFrame. `settings` are NoiseSettings, and `stage` is the text of the column
-    of that name. The averaging times of each sensor follow from its own sampling rate. The table is
-    empty if the session does not hold a rest, or if AllanTools, an optional package, is not
-    installed.
+    The curve of an axis comes from the rests of the session. The averaging times of each sensor
+    follow from its own sampling rate.
+
+    Parameters
+    ----------
+    session : RecordedSession
+        The session.
+    settings : NoiseSettings
+        They have the number of averaging times and the longest one.
+    stage : str
+        Text of the column `stage`, such as ``raw``.
+
+    Returns
+    -------
+    dict of ndarray
+        The columns `COLUMNS`. They have no rows if the session has no rest, or if AllanTools, an
+        optional package, is not installed.
     """
     parts = [no_curves()]
     by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
@@ -54,21 +67,22 @@ def no_curves():
 
 
 def allan(values, rate):
-    """Return the overlapping Allan deviation of an evenly sampled record, without gaps.
+    """Return the overlapping Allan deviation of an evenly sampled record without gaps.
 
     Parameters
     ----------
     values : array_like, shape (n,) or (n, k), or DataFrame
-        Record of each axis, any unit.
+        n samples of one axis, or of k axes in columns, any unit.
     rate : float
         Samples per second, Hz.
 
     Returns
     -------
     DataFrame
-        A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
-        the ends of its 95 % interval, `ci_low` and `ci_high`. The interval assumes the type of
-        noise that the slope of the curve shows.
+        A row per axis and averaging time. `axis` is the name or number of the column, `tau_s` the
+        averaging time, s, and `adev` the deviation in the unit of the values. `ci_low` and
+        `ci_high` are the ends of its 95 % interval. The interval assumes the type of noise that the
+        slope of the curve shows.
 
     Raises
     ------
@@ -96,13 +110,19 @@ def allan(values, rate):
 
 
 def allan_curve(stretches, rate, settings):
-    r"""Return the overlapping Allan deviation of an axis, with its 95 % interval.
+    r"""Return the overlapping Allan deviation of an axis at k averaging times, with 95 % intervals.
 
-    The estimate :math:`s^2` of the Allan variance :math:`\sigma^2` has ν equivalent degrees of
-    freedom: :math:`\nu s^2/\sigma^2` is a chi-square variable.
+    The interval follows from the equivalent degrees of freedom ν of the deviation s: with the true
+    deviation σ, :math:`\nu s^2/\sigma^2` is a chi-square variable of ν degrees of freedom.
 
-    `stretches` is a sequence of evenly sampled parts of the output, in any unit; `rate` is the
-    sampling rate, Hz; `settings` are NoiseSettings.
+    Parameters
+    ----------
+    stretches : sequence of ndarray
+        Evenly sampled stretches of the output of the axis, any unit.
+    rate : float
+        Sampling rate, Hz.
+    settings : NoiseSettings
+        They have the number of averaging times and the longest one.
 
     Returns
     -------
@@ -119,10 +139,11 @@ def allan_curve(stretches, rate, settings):
 
 
 def averaging_factors(length, settings):
-    """Return averaging factors, numbers of samples m, with tau = m / rate, shape (k,).
+    """Return the averaging times of an Allan curve as numbers of samples, shape (k,) of int.
 
-    The factors ascend from 1 in equal steps of the logarithm. `length` is the number of samples of
-    the longest stretch. The array is empty if the stretch is too short.
+    They ascend from 1 in equal steps of the logarithm, as `settings`, NoiseSettings, ask for.
+    `length` is the number of samples of the longest stretch. The array is empty if the stretch is
+    too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -132,10 +153,11 @@ def averaging_factors(length, settings):
 
 
 def term_counts(factors, length):
-    """Return the number of overlapping terms in a stretch of `length` samples, or 0 if below 2.
+    """Return the number of overlapping terms of the Allan variance in a stretch.
 
-    A term is the difference of two consecutive means over m samples, where m is an averaging
-    factor. The arrays `factors` and `length` are broadcast against each other.
+    A term is the difference of the means of two adjoining groups of m samples. `factors` are the
+    numbers m, and `length` is the number of samples of the stretch. Both may be arrays, which are
+    broadcast against each other. The number is 0 where there are fewer than two terms.
     """
     count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
@@ -147,11 +169,12 @@ def allan_variance(stretches, factors):
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
-    Stretch s has :math:`n_s` samples, :math:`M_s` terms and the Allan variance
-    :math:`\sigma_s^2(m)`. Takes evenly sampled stretches of any unit and averaging factors m,
-    ascending. No term reaches over the end of a stretch. So a gap, a knock or a change of level
-    between two stretches does not matter. The variance is not-a-number where no stretch is long
-    enough.
+    Stretch s has :math:`n_s` samples, :math:`M_s` overlapping terms and the Allan variance
+    :math:`\sigma_s^2(m)` for means over m samples. No term reaches over the end of a stretch, so a
+    gap, a knock or a jump of the bias between two stretches does not matter.
+
+    `stretches` is a sequence of evenly sampled arrays, in any unit. `factors` are the k numbers m,
+    ascending. The variance is not-a-number where no stretch is long enough.
 
     References
     ----------
@@ -178,14 +201,16 @@ def allan_variance(stretches, factors):
 
 
 def degrees_of_freedom(variance, factors, lengths):
-    r"""Return the equivalent degrees of freedom of a pooled curve, shape (k,).
+    r"""Return the equivalent degrees of freedom ν of a pooled Allan variance, shape (k,).
 
     .. math:: \nu = \Big(\sum_s M_s\Big)^2 \Big/ \sum_s M_s^2/\nu_s
 
-    :math:`M_s` is the number of terms of a stretch. :math:`\nu_s` are AllanTools' degrees of
-    freedom for the noise that the slope of the curve shows.
+    :math:`M_s` is the number of overlapping terms in stretch s (`term_counts`). :math:`\nu_s` are
+    the degrees of freedom that AllanTools computes for this stretch alone, for the type of noise
+    that the slope of the curve shows.
 
-    Takes the Allan variance at averaging `factors`, shape (k,), and the samples of each stretch.
+    `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples.
+    `lengths` has the number of samples of each stretch.
 
     References
     ----------
@@ -211,12 +236,15 @@ def degrees_of_freedom(variance, factors, lengths):
 
 
 def noise_exponents(variance, factors):
-    """Return the exponent of the power spectrum that the slope shows at each point, shape (k,).
+    """Return the type of noise at each averaging time, as an exponent of the spectrum, (k,) of int.
 
-    Takes the Allan variance at averaging `factors`, shape (k,). The slope at a factor is measured
-    between the deviations at averaging times `REACH` times shorter and longer, on logarithmic
-    scales. All exponents are 0, the exponent of white noise, if the curve has fewer than two points
-    or a variance that is not above 0.
+    The power spectrum of the noise is proportional to the frequency to the power of the exponent,
+    one of `EXPONENTS`. It follows from the slope of the Allan deviation on logarithmic scales. The
+    slope is measured between averaging times that are `REACH` times shorter and longer.
+
+    `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples. All
+    exponents are 0, for white noise, if there are fewer than two points or if any variance is not
+    above 0.
     """
     if len(factors) < 2 or not np.all(variance > 0):
         return np.zeros(len(factors), dtype=int)
@@ -230,8 +258,9 @@ def noise_exponents(variance, factors):
 
 
 def interval(variance, edf):
-    """Return both ends of the 95 % interval of a variance with `edf` degrees of freedom.
+    """Return the lower and the upper end of the 95 % interval of an estimated variance.
 
-    The variance times `edf` over its true value is a chi-square variable.
+    `edf` are its degrees of freedom: the estimate times `edf` over the true variance is a
+    chi-square variable. Numbers and arrays are accepted.
     """
     return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))

@@ -35,20 +35,24 @@ class AxisEstimate:
 
 
 def estimate_axis(basis, signals, settings):
-    """Return the AxisEstimate of one axis, without any term if there are under 16 values.
+    """Return the AxisEstimate of one axis; below `MIN_VALUES` values it has no terms.
 
-    Lines are found and subtracted (`find_lines`). Then a low-pass filter is chosen, if the spectrum
-    shows one, and the noise terms in front of the filter (`Selection`). Where the model does not
-    fit the spectrum (`misfit`), frequencies that hold many values count less, and the terms are
-    chosen once more.
+    The steps are:
+
+    1. Lines are found and subtracted (`find_lines`).
+    2. The low-pass filter is chosen, if the spectrum shows one, and with it the noise terms
+       (`Selection`). The terms describe the noise in front of the filter.
+    3. Where the model does not fit the spectrum (`misfit`), the frequencies get smaller weights,
+       and the terms are chosen again.
 
     Parameters
     ----------
     basis : Modes
         Modes of the signals.
     signals : list of Signal
-        Values of the axis for each power cycle, SI, not all constant.
+        Values of the axis in each power cycle, SI, not all constant.
     settings : NoiseSettings
+        They have the significance level of all tests.
     """
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate()
@@ -71,11 +75,12 @@ def estimate_axis(basis, signals, settings):
 
 
 def _weighted(selection, weight, terms):
-    """Return a Selection whose rows have less weight, and the terms that it supports.
+    """Return the Selection with smaller weights of its rows, and the terms that it then supports.
 
-    `weight`, shape (r,), multiplies the weights of the rows. The terms are selected again. But if
-    there is a filter and white noise, which shows the filter, would no longer be among the terms,
-    the old `terms` stay.
+    A row is a frequency or a band of frequencies (`Modes`). `weight`, shape (r,), multiplies the
+    weights of the r rows, and then the terms are selected again. There is one exception: only white
+    noise shows a low-pass filter. So if the Selection has a filter and the new terms lack white
+    noise, the old `terms` are returned.
     """
     selection = selection.weighted(weight)
     kept = selection.low_pass and "N" not in selection.supported
@@ -83,12 +88,20 @@ def _weighted(selection, weight, terms):
 
 
 def find_lines(basis, signals, settings):
-    """Return the Lines of an axis, and the Selection of the signals without them.
+    """Return the Lines of an axis, and the Selection of its signals after the lines are subtracted.
 
-    Lines are found and subtracted one by one, each against the noise that is fitted to the signals
-    without the lines before. A line that wanders leaves other lines nearby, which are subtracted,
-    too, but not returned. Takes the Modes of the signals, a Signal of the axis for each power
-    cycle, SI, and NoiseSettings.
+    Lines are found one by one. Each is tested against the noise that is fitted to the signals
+    without the lines that were found before. A line whose frequency wanders leaves further lines
+    nearby. These are subtracted as well, but are not in the list.
+
+    Parameters
+    ----------
+    basis : Modes
+        Modes of the signals.
+    signals : list of Signal
+        Values of the axis in each power cycle, SI.
+    settings : NoiseSettings
+        They have the significance level of a line.
     """
     lines, digits = [], (DIGITS * max(abs(signal.values).max() for signal in signals)) ** 2
     while True:
@@ -106,11 +119,13 @@ def find_lines(basis, signals, settings):
 
 
 def _strongest_line(signals, selection):
-    """Return the most significant Line of Signals, or None.
+    """Return the most significant Line of an axis, or None if no line is significant.
 
-    The fit of the terms may take a line of a few periods for noise. So if no line stands out from
-    the spectrum of the terms, the terms are fitted again without the rows near the highest peak
-    over a flat spectrum. The peak is a line if it stands out from the spectrum of this fit.
+    `signals` are the Signals of the axis, SI, and `selection` is the Selection of noise terms for
+    them. A line is first sought over the spectrum of the supported terms. If a line has few
+    periods, its power may have been fitted as noise, so that it does not stand out. So there is a
+    second search: the highest peak over a flat spectrum is found, the terms are fitted without the
+    rows near this peak, and the peak is tested over the spectrum of this fit.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)
@@ -128,7 +143,11 @@ def _strongest_line(signals, selection):
 
 
 def _density(selection):
-    """Return the one-sided density of the supported terms, SI^2/Hz, a function of frequency, Hz."""
+    """Return the spectrum of the supported terms of a Selection, as a function.
+
+    The function takes frequencies, Hz, and returns the one-sided power spectral density, SI^2/Hz.
+    It is never below the density of rounding.
+    """
     dt, noise = selection.modes.dt, selection.noise(selection.supported)
     # no less than the density of rounding
     lowest = 2 * selection.likelihood.floor * dt

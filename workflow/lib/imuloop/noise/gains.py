@@ -16,7 +16,8 @@ GRID = np.linspace(0, 0.5, 4097)
 def _butterworth(order, frequency, corner):
     """Return the power gain, (k,), of a digital Butterworth filter (bilinear transform).
 
-    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate.
+    `order` is the order of the filter. `frequency`, (k,), and `corner` are shares of the sampling
+    rate. The gain is a half at the corner.
     """
     ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
     return 1 / (1 + ratio ** (2 * order))
@@ -25,18 +26,18 @@ def _butterworth(order, frequency, corner):
 def _moving_average(frequency, corner):
     """Return the power gain, (k,), of an exponential moving average.
 
-    `frequency`, (k,), and `corner` of the analogue filter are shares of the rate. The gain is the
-    sum of all aliases of a sampled analogue filter of first order.
+    `frequency`, (k,), and `corner` are shares of the sampling rate. The moving average has the gain
+    of an analogue first-order filter with this corner, plus all aliases that sampling adds.
     """
     phi = np.exp(-2 * np.pi * corner)
     return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
 
 
 def _second_order_sampled(frequency, corner):
-    """Return the power gain, (k,), of a sampled analogue Butterworth filter of order two.
+    """Return the power gain, (k,), of an analogue second-order Butterworth filter after sampling.
 
-    The gain includes all aliases, and is divided by the gain at zero frequency. `frequency`, (k,),
-    and `corner` of the analogue filter are shares of the rate.
+    `frequency`, (k,), and `corner` of the analogue filter are shares of the sampling rate. The gain
+    includes the aliases, and is divided by its value at frequency zero.
     """
     shares = (np.append(0.0, frequency)[:, None] + np.arange(-20, 21)) / corner
     power = (1 / (1 + shares**4)).sum(axis=1)
@@ -46,12 +47,14 @@ def _second_order_sampled(frequency, corner):
 def _spline(degree, frequency, corner):
     """Return the power gain, (k,), of values that were held, averaged or interpolated.
 
-    `frequency`, (k,), and `corner`, at which the gain is a half, are shares of the rate. White
-    noise of a sensor that is resampled in such a way has an autocorrelation that is a B-spline of
-    the lag. The unit of the lag is the sampling interval of the sensor, or the length of the
-    average. The `degree` is 1 for values that are held or averaged, 3 for values that are
-    interpolated, and 5 for values that are averaged three times. The power gain is the Fourier
-    transform of the autocorrelation.
+    A sensor with white noise may have its own sampling rate, and its values may be resampled to the
+    rate of the log. The autocorrelation of the logged noise is then a B-spline of the lag. The unit
+    of the lag is the sampling interval of the sensor, or the duration of the average. The power
+    gain is the Fourier transform of the autocorrelation.
+
+    `degree` is the degree of the B-spline: 1 for values that are held or averaged once, 3 for
+    values that are interpolated, 5 for values that are averaged three times. `frequency`, (k,), and
+    `corner` are shares of the rate of the log. The gain is a half at the corner.
     """
     spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
     covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
@@ -73,14 +76,14 @@ GAINS = {
 
 @dataclass(frozen=True)
 class LowPass:
-    """A low-pass filter before the output."""
+    """A low-pass filter that acts before the output is logged."""
 
     kind: str  # key of `GAINS`
     corner: float  # frequency at which the power is a half, share of the rate
     floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
     def gain(self, frequency):
-        """Return the power gain, (k,), at frequencies, (k,), shares of the rate.
+        """Return the power gain, (k,), at k frequencies, which are shares of the sampling rate.
 
         A frequency above half the rate gets the gain at half the rate.
         """
@@ -88,9 +91,9 @@ class LowPass:
         return self.floor + (1 - self.floor) * GAINS[self.kind](frequency, self.corner)
 
     def autocovariance(self, count):
-        """Return the autocovariance of filtered white noise at lags of 0 ... count - 1 samples.
+        """Return the autocovariance of white noise of variance 1 behind the filter, (count,).
 
-        The noise has the variance 1 before the filter. The result has the shape (count,).
+        The lags are 0 … `count` - 1 samples.
         """
         covariance = np.zeros(max(count, len(GRID)))
         covariance[: len(GRID)] = irfft(self.gain(GRID))[: len(GRID)]
@@ -98,25 +101,26 @@ class LowPass:
 
 
 def term_gain(term, f, rate):
-    """Return the power gain, (k,), of a LowPassTerm at k frequencies f, Hz.
+    """Return the power gain, (k,), of a LowPassTerm at k frequencies `f`, Hz.
 
-    `rate` is the sampling rate, Hz.
+    `term` has its corner in Hz, and `rate` is the sampling rate of the output, Hz.
     """
     return LowPass(term.kind, term.corner.value / rate, term.floor).gain(f / rate)
 
 
 def density(noise, f, rate):
-    r"""Return the one-sided power spectral density of an `AxisNoise` at frequencies f, SI²/Hz.
+    r"""Return the one-sided power spectral density of an `AxisNoise`, (k,), SI²/Hz.
 
     .. math::
         S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
         + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
-    Q, N, B and K are the coefficients of quantisation, white noise, flicker and random walk. A
-    Gauss-Markov process has the coefficient q and the correlation time T; several processes add. If
-    there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no density:
-    each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic and adds
-    nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
+    `f` are k frequencies, Hz, above 0 and up to half the rate. r is the sampling rate of the
+    output, `rate`, Hz. Q, N, B and K are the coefficients of quantisation, white noise, flicker and
+    random walk. A Gauss-Markov process has the coefficient q and the correlation time T, s; several
+    processes add. The gain of a low-pass filter multiplies all terms but the first. Sinusoids are
+    left out: each has the power :math:`\Omega^2/2` at a single frequency, with its amplitude
+    :math:`\Omega`. The ramp is deterministic and adds nothing.
 
     References
     ----------

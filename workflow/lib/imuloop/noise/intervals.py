@@ -26,17 +26,23 @@ SMALL = 1e-3
 
 
 def coefficients_with_intervals(selection, terms, n_factor=1.0):
-    """Return the AxisNoise of supported terms: values with intervals, limits of the others.
+    """Return the AxisNoise: supported terms with intervals, other terms with upper limits.
 
-    Values are estimated with the supported terms alone, so that together they describe the
-    spectrum. Another term may be too weak to pass its test, or may be the true one in place of a
-    supported term. So intervals and limits come from a wider model, which also has those of white
-    noise, flicker, walk and ramp that the record can tell apart. Intervals and limits of Q, N, B, K
-    and R are ends of the profile likelihood. Intervals of Gauss-Markov processes follow from the
-    information matrix.
+    The values are estimated with the supported terms alone, so that together they describe the
+    spectrum. Intervals and limits come from a wider model. It also has white noise, flicker, walk
+    and ramp, as far as the record can tell them apart, because one of these may be present and too
+    weak to pass its test. Intervals and limits of Q, N, B, K and R are ends of the profile
+    likelihood. Intervals of Gauss-Markov processes follow from the information matrix.
 
-    If there is a filter, the error of its corner widens the interval of N: on a logarithmic scale
-    this interval is `n_factor` times as long.
+    Parameters
+    ----------
+    selection : Selection
+        The likelihood of the axis.
+    terms : tuple
+        The supported terms (`noise.selection`).
+    n_factor : float
+        Factor by which the interval of N is longer on a logarithmic scale, because the corner of a
+        low-pass filter has an error, too. It is 1 without a filter.
     """
     wide = reduce(plus, [name for name in selection.candidates if name != "Q"], terms)
     fit, coefficients = selection.fit(terms), {}
@@ -60,15 +66,18 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
 
 
 def _profile(selection, model, name):
-    """Return the profile likelihood of one coefficient of a model, and where to begin a search.
+    """Return the profile likelihood of one coefficient, a function, and a start for searches.
 
-    `model` is a tuple of terms, and `name` the letter of the term whose coefficient it is.
+    The first result is a function of the logarithm of the coefficient, SI. Its value is the signed
+    root ``±√(2 (L_max - L))``. L is the log-likelihood with this coefficient fixed and all others
+    fitted; L_max is its maximum. The sign is negative below the likeliest coefficient. So the value
+    is the distance from the likeliest coefficient in standard errors.
 
-    The first result is a function, which takes the logarithm of the coefficient in SI. It returns
-    the root of twice the log-likelihood that is lost against the maximum, negative below the
-    likeliest coefficient. This is the distance from the likeliest coefficient in standard errors.
-    The second result is the argument at which a search may begin: the logarithm of the likeliest
-    coefficient, or of its standard error if that is larger.
+    The second result is the logarithm of the likeliest coefficient, or of its standard error if
+    that is larger. A search for an end of an interval may begin there.
+
+    `selection` is the Selection of the axis, `model` a tuple of terms, and `name` the letter of the
+    term whose coefficient is varied.
     """
     others, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
     units, expected = selection.units(others), selection.units(model) @ fit.theta
@@ -83,7 +92,7 @@ def _profile(selection, model, name):
 
     @cache
     def deviate(u):
-        """Return the signed root of the loss at the logarithm u of the coefficient."""
+        """Return the signed root at the logarithm `u` of the coefficient."""
         # None makes the fit estimate the ramp, if a ramp is among the other terms
         x, free = exp(u), None if "R" in others else 0.0
         ramp = copysign(x, fit.ramp) if name == "R" else free
@@ -94,11 +103,11 @@ def _profile(selection, model, name):
 
 
 def _crossing(deviate, u, wanted):
-    """Return the coefficient, SI, at which a profile has a wanted value, or 0.
+    """Return the coefficient, SI, at which its profile equals `wanted`; 0 if the search finds none.
 
-    Takes `deviate`, the profile as a function of the logarithm of the coefficient, and the
-    logarithm u at which the search begins. The result is 0 if the profile does not have the wanted
-    value within the search.
+    `deviate` is the function that `_profile` returns. It rises with the logarithm of the
+    coefficient. `wanted` is a distance in standard errors, such as `LOW` or `HIGH`. The search
+    begins at the logarithm `u` of the coefficient.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:
@@ -112,9 +121,9 @@ def _crossing(deviate, u, wanted):
 def _process(selection, terms, wide, tc):
     """Return the GaussMarkovTerm of the process with the correlation time `tc`, s.
 
-    The supported `terms` include this process.
-
-    The intervals come from the information matrix of the wider model `wide`.
+    Its values come from the fit of the supported `terms`, which include the process. Its intervals
+    come from the information matrix of `wide`, a model with more terms. `selection` is the
+    Selection of the axis.
     """
     fit = selection.fit(terms)
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times

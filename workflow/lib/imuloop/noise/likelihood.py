@@ -16,9 +16,10 @@ ROUNDING = 1e-13
 
 
 def weighted_nnls(units, target, weight):
-    """Return x >= 0, (p,), that minimises ``Σ w (y - U x)²``.
+    """Return the x, (p,), without negative elements, that minimises ``Σ w (y - U x)²``.
 
-    Takes the matrix U, (r, p), whose columns may have any size; y and the weight w, (r,).
+    `units` is the matrix U, (r, p), whose columns may be of any size. `target` is y, (r,), and
+    `weight` is w, (r,).
     """
     root = np.sqrt(weight)
     columns, size = _normalised(units * root[:, None])
@@ -26,9 +27,9 @@ def weighted_nnls(units, target, weight):
 
 
 def _normalised(columns):
-    """Return columns, (r, p), divided by their norms, and the norms, (p,).
+    """Return a matrix, (r, p), with each column divided by its norm, and the norms, (p,).
 
-    The norm of a zero column is replaced by 1.
+    A column of zeros counts as one of norm 1.
     """
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
@@ -36,9 +37,10 @@ def _normalised(columns):
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return the number from `low` to `high`, both positive, at which a function is largest.
+    """Return the number at which a log-likelihood, a function of one positive number, is largest.
 
-    The result has at most the relative error `close`.
+    The number is sought from `low` to `high`, both positive. `close` is the largest relative error
+    of the result.
     """
     ends = np.log([low, high])
     return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))
@@ -56,21 +58,23 @@ class MaximumLikelihood:
 
 @dataclass(frozen=True)
 class Likelihood:
-    r"""Independent Gaussian modes with expected squares that are linear in the variances.
+    r"""The likelihood of the noise terms of one axis, given the modes of its signals (`Modes`).
 
     .. math:: \ell = -\frac12 \sum_r w_r n_r (\ln s_r + p_r/s_r), \quad s = U \theta
 
-    In row r, :math:`p_r` is the mean square of :math:`n_r` values, and :math:`s_r` the mean square
-    that is expected for the unit spectra U and the variances :math:`\theta`. In the slow modes,
-    :math:`p = (c - R \rho)^2` for amplitudes c and a ramp R. The weights w are 1 unless the model
-    does not fit the spectrum (`noise.misfit`).
+    Modes are independent and Gaussian. A row r is one slow mode or a bin of fast modes. :math:`p_r`
+    is the mean square of the :math:`n_r` values of the row, and :math:`s_r` its expected value. The
+    expected values are linear in the variances :math:`\theta` of the terms, and U has those of
+    terms of variance 1. A slow mode has :math:`p = (c - R \rho)^2`, with its amplitude c, the ramp
+    R and the amplitude :math:`\rho` for a ramp of 1 SI/s. The weights w are 1 unless the model does
+    not fit the spectrum (`noise.misfit`).
 
     Attributes
     ----------
     slow, rho : ndarray, shape (s,)
-        Amplitudes c of the slow modes, SI, and those for a ramp of 1 SI/s.
+        Amplitudes c of the s slow modes, SI, and their amplitudes for a ramp of 1 SI/s, s.
     fast : ndarray, shape (r - s,)
-        Mean squares of the fast modes, SI^2.
+        Mean squares in the bins of fast modes, SI^2.
     count : ndarray, shape (r,)
         w n: the number of values in each row, times the weight of the row.
     digits : float
@@ -88,11 +92,11 @@ class Likelihood:
     digits: float = 0.0
 
     def power(self, ramp=0.0):
-        """Return the mean squares of all rows, (r,), SI^2, after a ramp, SI/s, is subtracted."""
+        """Return the mean squares of all rows, (r,), SI^2, after a `ramp`, SI/s, is subtracted."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=0.0, fixed=0.0, start=None, close=CLOSE):
-        r"""Return the MaximumLikelihood of unit spectra.
+        r"""Return the MaximumLikelihood: the most likely variances of given terms, and the ramp.
 
         The method is Fisher's scoring. Each step is a non-negative least-squares fit, shortened
         until the likelihood grows. A fitted ramp takes power from the slow modes. The restricted
@@ -115,11 +119,11 @@ class Likelihood:
         Parameters
         ----------
         units : ndarray, shape (r, p)
-            Expected mean squares for unit variances.
+            Expected mean squares of the r rows for each of the p terms with variance 1.
         ramp : float or None
             Fixed ramp, SI/s; None to fit the ramp.
         fixed : ndarray, shape (r,), or float
-            Fixed part of the expected mean squares, SI^2.
+            Part of the expected mean squares that is not fitted, SI^2.
         start : ndarray, shape (p,), optional
             Variances near the maximum, from which to begin.
         close : float
@@ -175,11 +179,12 @@ class Likelihood:
         return MaximumLikelihood(theta, float(slope), value, restricted)
 
     def covariance(self, derivatives, expected):
-        """Return the covariance of p parameters, (p, p): the inverse of the information matrix.
+        """Return the covariance of p fitted parameters, (p, p), by their information matrix.
 
-        `derivatives`, (r, p), are those of the expected mean squares s, `expected`, (r,), with
-        respect to the parameters. A mean square of n values has the variance ``2 s²/n``, so the
-        information of a row about s is ``n/2s²``; with the weight w of the row it is ``w n/2s²``.
+        `expected`, (r,), are the expected mean squares s of the rows, and `derivatives`, (r, p),
+        their derivatives with respect to the parameters. A mean square of n values has the variance
+        ``2 s²/n``, so the information of a row about s is ``n/2s²``; with the weight w of the row
+        it is ``w n/2s²``.
         """
         # rows whose products add up to the information matrix: root of w n/2, over s
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
@@ -191,9 +196,8 @@ class Likelihood:
     def ramp(self, expected):
         """Return the likeliest ramp, SI/s, and the information about it, s²/SI².
 
-        `expected`, (r,), are the expected mean squares of all rows, SI^2.
-
-        The information is the inverse of the variance of the ramp. Each row counts by its weight.
+        The information is the inverse of the variance of the ramp. Each slow mode counts by its
+        weight. `expected`, (r,), are the expected mean squares of all rows, SI^2.
         """
         slow = len(self.rho)
         weight = self.count[:slow] * self.rho / self.above_rounding(expected[:slow])
@@ -206,5 +210,5 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, SI^2, of which the smallest are raised to the floor of rounding."""
+        """Return mean squares, SI^2, with those below the `floor` of rounding raised to it."""
         return np.maximum(squares, self.floor)

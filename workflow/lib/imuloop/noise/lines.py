@@ -1,4 +1,4 @@
-"""Lines of one axis: search, measurement, removal and names."""
+"""Lines of one axis: how they are found, measured, subtracted and named."""
 
 from dataclasses import dataclass
 
@@ -18,11 +18,11 @@ WANDER, CLOCK = 1e-3, 2e-4
 
 @dataclass(frozen=True)
 class Line:
-    """A line in the spectrum of one axis.
+    """A line in the spectrum of one axis: a sinusoid.
 
-    `frequency`, Hz, and `amplitude`, in the SI unit of the axis, come from the signal in which the
-    line stands out most. The amplitude is too low if the line wanders. `sinusoids` holds the
-    FittedSinusoid of each signal that shows the line, by the index of the signal.
+    `frequency`, Hz, and `amplitude`, SI, come from the power cycle in which the line stands out
+    most. The amplitude is too low if the frequency wanders. `sinusoids` has the FittedSinusoid of
+    each power cycle that shows the line, by the index of its Signal.
     """
 
     frequency: Coefficient
@@ -30,7 +30,10 @@ class Line:
     sinusoids: dict
 
     def subtract(self, signals):
-        """Return the Signals without the line; those that do not show it are returned unchanged."""
+        """Return the Signals without the line; a signal that does not show it is unchanged.
+
+        `signals` are those in which the line was found, in the same order.
+        """
         fits = self.sinusoids
         return [fits[i].subtract(s) if i in fits else s for i, s in enumerate(signals)]
 
@@ -38,12 +41,12 @@ class Line:
 def find_line(signals, spectrum, level):
     """Return the most significant Line of an axis, or None if noise explains the highest peak.
 
-    The height of a peak is the periodogram of a signal over its local background (`Periodogram`).
-    The highest peak is a line if noise has so high a peak at any independent frequency of any
-    signal with a probability of at most `level`. The powers of the signals are not added, because
-    the clocks of two sessions differ by more than the width of a line. Another signal shows the
-    same line if its highest peak near this frequency passes the same test in the range that was
-    searched.
+    The height of a peak is the periodogram of a power cycle over its local background
+    (`Periodogram`). The highest peak of all power cycles is a line if noise alone would reach its
+    height with a probability of at most `level`. This probability is for any frequency of any power
+    cycle. The powers of the cycles are not added, because the clocks of two sessions differ by more
+    than the width of a line. Another power cycle shows the same line if its highest peak near this
+    frequency passes the same test, for the frequencies that are near.
 
     Parameters
     ----------
@@ -92,13 +95,25 @@ def find_line(signals, spectrum, level):
 
 
 def strongest_peak(signals, spectrum, level):
-    """Return the highest peak of all signals, if noise rarely has a peak as high.
+    """Return the highest peak of an axis, and the Periodograms of its signals.
 
-    The results are the frequency of the peak in Hz; the index of the signal with the peak; and a
-    dict of Periodograms by the index of the signal, without signals that are too short. The
-    frequency is None if the probability of such a peak in noise is above `level`, and the index too
-    if all signals are too short. `signals` is a sequence of Signals of an axis, and `spectrum` the
-    density of the noise, SI^2/Hz, a function of frequency in Hz.
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Values of the axis in each power cycle, SI.
+    spectrum : callable
+        One-sided density of the noise, SI^2/Hz, as a function of frequency in Hz.
+    level : float
+        Largest probability of a peak as high in noise alone.
+
+    Returns
+    -------
+    frequency : float or None
+        Frequency of the peak, Hz; None if the probability of such a peak in noise is above `level`.
+    index : int or None
+        Index of the signal with the peak; None if all signals are too short.
+    periodograms : dict of int to Periodogram
+        Periodograms by the index of the signal; signals that are too short are left out.
     """
     all_signals = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
     periodograms = {i: periodogram for i, periodogram in all_signals.items() if periodogram}
@@ -113,25 +128,28 @@ def strongest_peak(signals, spectrum, level):
 
 
 def _chance_anywhere(periodograms, chance):
-    """Return the chance of a peak at any frequency of any signal, from the chance at one.
+    """Return the probability that noise has a peak of some height at any frequency of any signal.
 
-    `periodograms` is a dict of Periodogram, and `chance` the probability at one frequency.
+    `chance` is the probability of such a peak at a single frequency, and `periodograms` is a dict
+    of the Periodograms of all signals.
     """
     return chance_over_band(chance, sum(p.independent for p in periodograms.values()))
 
 
 def mains(frequency, rate):
-    """Return the name of the mains harmonic at a frequency, Hz, or None if mains do not fit.
+    """Return the name of the mains harmonic that a line may be, or None if no harmonic fits.
 
-    An example is ``50 Hz mains, alias of its 2nd harmonic``. `rate` is the sampling rate, Hz. The
-    name gives the lowest harmonic of the 50 Hz or of the 60 Hz mains that fits; if both mains fit,
-    it gives both. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is a
-    whole number and r the rate. The window to either side is 1.2 per mille of :math:`h f_0`: 1 per
-    mille for the wander of mains, and 200 ppm for the clock behind the time stamps, whose error
-    scales all logged frequencies. A line whose frequency is below the window is not named, since
-    any slow line would fit. Nor does a harmonic count if its window is wider than 0.8 % of the
-    band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 % at 1
-    kHz, and below 10 % at any rate.
+    An example is ``50 Hz mains, alias of its 2nd harmonic``. `frequency` is the frequency of the
+    line, Hz, and `rate` the sampling rate, Hz. The lowest harmonic of the 50 Hz or the 60 Hz mains
+    that fits is named; if both mains fit, both are named.
+
+    With mains of :math:`f_0`, the harmonic h appears at :math:`|h f_0 - k r|`, where k is a whole
+    number and r the rate. It fits within 1.2 per mille of :math:`h f_0` to either side: 1 per mille
+    is the wander of mains, and 200 ppm the error of the clock behind the time stamps, which scales
+    all logged frequencies. There are two exceptions. A line whose frequency is smaller than this
+    tolerance is not named, since any slow line would fit. And a harmonic does not count if the
+    tolerance to both sides is more than 0.8 % of the band. A line at a random frequency is named
+    with a probability of 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

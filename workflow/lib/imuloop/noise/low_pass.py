@@ -1,4 +1,4 @@
-"""Which low-pass filter a spectrum shows.
+"""The choice of a low-pass filter from the spectrum of an axis.
 
 Nearly every inertial sensor filters its output. White noise then falls towards half the sampling
 rate, and N is the density in front of the filter.
@@ -27,11 +27,11 @@ ROUGH = 0.01
 
 
 def choose_low_pass(selection):
-    """Return the Selection with the most likely low-pass filter, or unchanged without one.
+    """Return the Selection with the most likely low-pass filter, or unchanged if none is needed.
 
-    A filter is chosen only if each of its parameters raises the log-likelihood by `PRICE`, so that
-    a filter is not taken for a Gauss-Markov process, nor the process for a filter. A filter has two
-    parameters, or three with a floor, a process has two, and another term one.
+    A filter and a Gauss-Markov process may have similar spectra. So that neither is taken for the
+    other, each parameter has to raise the log-likelihood by `PRICE`. A filter has two parameters
+    (kind and corner), or three with a floor; a process has two, and any other term one.
     """
     modes, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
     # the fitted ramp is subtracted first, so that no fit of a filter has to fit it again
@@ -53,12 +53,23 @@ def choose_low_pass(selection):
 
 
 def _fit(selection, kind, corner, **options):
-    """Return the log-likelihood of the terms Q, N, B, K behind a filter, and the LowPass.
+    """Return the log-likelihood of the terms Q, N, B, K behind a low-pass filter, and the LowPass.
 
-    `kind` is a key of `GAINS`, and `corner` a share of the sampling rate. The floor of the filter,
-    the share of white noise that enters behind it, is fitted too. The options are those of
-    `Likelihood.fit`: `start`, (5,), holds variances near the maximum, of Q, N, B, K and of the
-    white noise behind the filter; the fit ends when the log-likelihood grows by less than `close`.
+    The floor of the filter is fitted, too: it is the share of the power of white noise that enters
+    behind the filter.
+
+    Parameters
+    ----------
+    selection : Selection
+        The likelihood of the axis.
+    kind : str
+        Kind of the filter, a key of `GAINS`.
+    corner : float
+        Corner of the filter, a share of the sampling rate.
+    **options
+        Options of `Likelihood.fit`. `start`, (5,), has variances near the maximum: of Q, N, B, K
+        and of the white noise behind the filter. The fit ends when the log-likelihood grows by less
+        than `close`.
     """
     low_pass = LowPass(kind, float(corner))
     units = replace(selection, low_pass=low_pass).units(NAMES)
@@ -70,9 +81,10 @@ def _fit(selection, kind, corner, **options):
 
 
 def _fit_corner(selection, kind, near):
-    """Return the log-likelihood and the LowPass of a filter at the likeliest corner near `near`.
+    """Return the log-likelihood and the LowPass of a filter, at its likeliest corner near `near`.
 
-    `kind` is a key of `GAINS`; corners are shares of the sampling rate.
+    `selection` is the likelihood of the axis, and `kind` the kind of the filter, a key of `GAINS`.
+    Corners are shares of the sampling rate.
     """
     step = CORNERS[1] / CORNERS[0]
     ends = near / step, min(near * step, HIGHEST)
@@ -81,7 +93,10 @@ def _fit_corner(selection, kind, near):
 
 
 def _score(selection):
-    """Return the log-likelihood of terms and filter minus the price of all their parameters."""
+    """Return the log-likelihood of a Selection, less `PRICE` for each parameter.
+
+    The parameters are those of the supported terms and of the low-pass filter, if there is one.
+    """
     terms, low_pass = selection.supported, selection.low_pass
     parameters = len(terms) + len(correlation_times(terms))
     if low_pass:
@@ -90,9 +105,9 @@ def _score(selection):
 
 
 def _filters_white(filtered):
-    """Return whether white noise is most of the power at the corner frequency of a filter.
+    """Return whether white noise is most of the power in front of a filter, at its corner.
 
-    The power is taken in front of the filter. `filtered` is the Selection with the filter.
+    `filtered` is the Selection with the filter.
     """
     noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
     slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
@@ -100,10 +115,12 @@ def _filters_white(filtered):
 
 
 def leakage_weights(filtered):
-    """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
+    """Return the weight of each row of a Selection with a filter, shape (r,), 1 or less.
 
-    At frequencies where a filter leaves next to nothing, the ends of each block of samples leak
-    power from lower frequencies. The many squares there then hold few independent values.
+    Where a filter leaves next to no power, most of it is leakage: power from lower frequencies, by
+    the ends of each block of samples. The squares there are then correlated, so that many of them
+    count as few. The weight is the squared share of the power that is not leakage. `filtered` is
+    the Selection.
     """
     modes, low_pass = filtered.modes, filtered.low_pass
     gain = low_pass.gain(modes.frequency * modes.dt)
@@ -113,13 +130,15 @@ def leakage_weights(filtered):
 def likeliest_corner(filtered, terms):
     """Return the Selection with its filter at the likeliest corner, the LowPassTerm, and a factor.
 
+    The LowPassTerm has the corner with its interval, by the information matrix. The factor is the
+    standard error of N, divided by the one that N would have if the corner were known exactly.
+
     `filtered` is a Selection with a filter, whose corner is near the likeliest one, and `terms` are
-    the supported terms. Standard errors come from the information matrix. The factor is the
-    standard error of N, as a multiple of the standard error that N would have at a known corner.
+    its supported terms.
     """
 
     def behind(corner):
-        """Return the Selection behind the filter with another corner, a share of the rate."""
+        """Return the Selection with another corner of its filter, a share of the sampling rate."""
         return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
 
     near = filtered.low_pass.corner

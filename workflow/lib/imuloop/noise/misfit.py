@@ -1,4 +1,4 @@
-"""Where a spectrum departs from its model, and the weights that follow."""
+"""Frequencies at which a spectrum departs from its model, and smaller weights for them."""
 
 import numpy as np
 from scipy.ndimage import convolve1d
@@ -11,22 +11,24 @@ TOGETHER = GROUPS // 2
 
 
 def misfit(selection, terms):
-    r"""Return the largest relative misfit of a spectrum, and weights of its rows that follow.
+    r"""Return the largest relative misfit of a spectrum, and weights of its rows that allow for it.
 
-    The power over the expected power, r, of n values is a chi-square variable over n: ln r has the
-    mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each group of
-    rows, over half a decade to each side, the mean square of the logarithm minus its expected value
-    exceeds that variance by :math:`\epsilon^2`. Where the excess is significant, it counts as one
-    error that is common to half a decade.
+    A row is a frequency or a band of frequencies (`Modes`). Neighbouring rows form groups. Let q be
+    the measured power of a group over the power that the terms predict, and n the number of its
+    values. In noise alone q is a chi-square variable over n, so ln q has the mean :math:`\psi(n/2)
+    - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Over half a decade to each side of a group,
+    the mean squared distance of ln q from its expected value exceeds that variance by
+    :math:`\epsilon^2`. If the excess is significant, it counts as one error that half a decade has
+    in common, and the rows get smaller weights.
 
-    Takes a Selection and its supported terms.
+    `selection` is the Selection of the axis, and `terms` are its supported terms.
 
     Returns
     -------
     size : float
         Largest :math:`\epsilon`; 0 if noise explains the misfit of the whole spectrum.
     weight : ndarray, shape (r,)
-        Weight of each row; 1 if noise explains the misfit of the whole spectrum.
+        Weight of each row; all 1 if noise explains the misfit of the whole spectrum.
     """
     likelihood, level, fit = selection.likelihood, selection.level, selection.fit(terms)
     expected = likelihood.above_rounding(selection.units(terms) @ fit.theta)
@@ -44,9 +46,9 @@ def misfit(selection, terms):
         return 0.0, np.ones(len(group))
 
     def around(values):
-        """Return the sums of `values` over half a decade to each side of each group.
+        """Return, for each group, the sum of `values` over half a decade to each side, (groups,).
 
-        Groups without weight are left out.
+        Groups that are not used count as 0.
         """
         return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
@@ -57,9 +59,11 @@ def misfit(selection, terms):
 
 
 def _groups(frequency, count):
-    """Return the number of the group of each row, (r,), 0 for the lowest frequencies.
+    """Return the number of the group of each of r rows, (r,) of int.
 
-    Takes the frequency of each row, Hz, and the number of its values.
+    Group 0 has the lowest frequencies. `frequency`, (r,), is the frequency of each row, Hz, and
+    `count`, (r,), the number of its values. A group has at least `VALUES` values, and there are at
+    most `GROUPS` groups per decade.
     """
     number = np.empty(len(frequency), dtype=int)
     group, values, first = -1, VALUES, 0.0

@@ -1,4 +1,4 @@
-"""The modes of a record: uncorrelated amplitudes of its noise, and their expected squares."""
+"""The modes of a record: amplitudes of its noise in a basis where they hardly correlate."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,16 +23,16 @@ BINS, TIMES = 24, 8
 
 
 def expected_squares(covariance):
-    r"""Return the expected squares of a cosine transform, (..., n - 1), for any covariance.
+    r"""Return the expected squares of the cosine coefficients 1 … n - 1 of noise, (..., n - 1).
 
     .. math:: E c_k^2 = \frac{1}{n} \left[ \sum_{|d|<n} \gamma_d (n - |d|) \cos \omega d
         - \frac{2}{\sin \omega} \sum_{d \ge 0} \gamma_d \sin \omega d \right],
         \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
-    :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. The covariance of two
-    values that lie d apart is :math:`\gamma_d`; `covariance`, (..., n), has it at all lags d from 0
-    on. It may be a generalised covariance, which holds for contrasts only, since all coefficients
-    with k > 0 are contrasts.
+    :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. :math:`\gamma_d` is the
+    covariance of two values that lie d apart. `covariance`, (..., n), has it for d = 0 … n - 1. It
+    may be a generalised covariance, one that holds only for weighted sums whose weights add up to
+    zero: all coefficients with k > 0 are such sums.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -43,13 +43,16 @@ def expected_squares(covariance):
 
 
 def _contrasts(start, m):
-    """Return distances of the blocks of one level, and contrasts of their means, (k, k - 1).
+    """Return the distances of k blocks of samples, and contrasts of their means, (k, k - 1).
 
-    `start`, (k,), has the number of the first sample of each block of m samples. The contrasts are
-    combinations of the means in which a random walk is uncorrelated. If no gap lies between the
-    blocks, the contrasts are the cosine transform, and the distances are those from the first
-    block, (k,). Otherwise the distances are those between all blocks, (k, k). Distances are in
-    samples.
+    A contrast is a weighted sum whose weights add up to zero. Here the columns of weights are
+    orthonormal, and a random walk has no correlation between the contrasts. `start`, (k,), is the
+    number of the first sample of each block, and `m` the number of samples of a block. No
+    disturbance lies between the blocks.
+
+    Distances are in samples. If no gap lies between the blocks, the contrasts are those of the
+    cosine transform, and the distances are from the first block, (k,). Otherwise the distances are
+    between all pairs of blocks, (k, k).
     """
     n = len(start)
     if (np.diff(start) == m).all():
@@ -66,10 +69,10 @@ def _contrasts(start, m):
 
 
 def _squares(distance, contrasts, processes):
-    """Return the expected squares of the contrasts of a level, (c, k - 1).
+    """Return the expected squares of the contrasts for each of c noise processes, (c, k - 1).
 
-    `distance` and `contrasts` are the results of `_contrasts`. `processes` has c arrays in the
-    shape of `distance`: the covariance of the means by each process.
+    `distance` and `contrasts` are the results of `_contrasts` for k blocks. `processes` has an
+    array in the shape of `distance` for each process: the covariance of the means of two blocks.
     """
     if distance.ndim == 1:
         return expected_squares([*processes])
@@ -78,9 +81,9 @@ def _squares(distance, contrasts, processes):
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks of one power cycle that share a slope, about `BLOCKS` at most.
+    """Blocks of one power cycle, fewer than `LARGEST`, from which one slope is subtracted.
 
-    A level is a stretch between two disturbances; it has a mean of its own.
+    A level is a stretch between two disturbances; it has its own mean.
     """
 
     cycle: int
@@ -90,23 +93,26 @@ class _Piece:
 
     @cached_property
     def basis(self):
-        """Contrasts of the means of all k blocks, (k, s), as columns: zero outside their level."""
+        """Contrasts of the means of all k blocks, (k, s): a column for each of the s slow modes.
+
+        A column is zero outside the blocks of its level.
+        """
         return block_diag(*(contrasts for _, contrasts in self.levels))
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Basis of one or more power cycles, each cut into blocks of m samples.
+    """The basis in which the noise of one or more power cycles is described.
 
-    The fast modes are orthonormal cosine coefficients 1 ... m-1 of each block. The slow modes are
-    contrasts of the means of the blocks, in a basis that diagonalises the walk. White noise is
-    diagonal in any orthonormal basis. In an unbroken record the basis that diagonalises the walk is
-    the cosine transform. Contrasts do not depend on the level of each power cycle and of each
-    stretch between two disturbances. Gaps keep their place in time, but gaps of a few samples are
-    closed up.
+    A power cycle is cut into blocks of m samples. The fast modes are the orthonormal cosine
+    coefficients 1 … m - 1 of each block. The slow modes are contrasts of the means of the blocks:
+    weighted sums whose weights add up to zero. So no mode depends on the mean of a power cycle, or
+    on the mean of a stretch between two disturbances, here called a level. In this basis white
+    noise and random walk are uncorrelated, and other processes nearly so. The expected square of
+    each mode is exact for every process. In an unbroken record the slow modes are a cosine
+    transform.
 
-    In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
-    of each mode is exact for every process.
+    Gaps keep their place in time, but gaps of a few samples are closed up.
 
     Attributes
     ----------
@@ -114,19 +120,21 @@ class Modes:
         Interval of the samples, s.
     m : int
         Number of samples of a block.
-    span, longest_level, usual_level : float
-        Length of the longest power cycle, s; longest time without a new level, s; and the usual
-        one, s: half of the samples lie in levels that are longer.
+    span : float
+        Length of the longest power cycle, s.
+    longest_level, usual_level : float
+        Length of the longest level, s, and of the usual one, s: half of the samples lie in levels
+        that are longer than the usual one.
     frequency, count : ndarray, shape (r,)
-        Frequency of each row, Hz, and the number of values behind it. The rows are the slow modes
-        one by one, and then bins of the fast ones.
+        Frequency of each row, Hz, and the number of its values. The first s rows are the slow
+        modes, one by one. The other rows are bins of neighbouring fast modes.
     units : ndarray, shape (r, 4)
-        Expected mean squares for unit Q, N, B, K, SI.
+        Expected mean square of each row for each of Q, N, B, K = 1, SI.
     correlation_times : ndarray, shape (c,)
-        Correlation times between two samples and the longest power cycle, s.
+        Correlation times from the interval of the samples to the longest power cycle, s.
     processes : CubicSpline
-        Logarithm of the expected mean squares of a Gauss-Markov process of variance 1, (r,), as a
-        function of the logarithm of its correlation time in s.
+        Logarithm of the expected mean square of each row, (r,), for a Gauss-Markov process of
+        variance 1, as a function of the logarithm of its correlation time in s.
     ramp : ndarray, shape (s,)
         Amplitudes of the slow modes for a ramp of 1 SI/s.
     """
@@ -148,10 +156,12 @@ class Modes:
     _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def amplitudes(self, signals):
-        """Return the slow modes' amplitudes, (s,), and the fast ones' mean squares, (r - s,), SI.
+        """Return amplitudes of the slow modes, (s,), SI, and mean squares of the fast ones, SI^2.
 
-        Takes the Signals of an axis. The straight line that the slow modes of a piece show is
-        subtracted from the fast modes of this piece.
+        The mean squares, (r - s,), are over the fast modes of each bin and over all blocks.
+        `signals` are the Signals of one axis, in the order of the power cycles. A straight line is
+        fitted to the slow modes of each piece, some 500 blocks, and is subtracted from its fast
+        modes.
         """
         slow, squares, number = [], np.zeros(self.m - 1), 0
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
@@ -167,17 +177,17 @@ class Modes:
         return np.concatenate(slow), _bin_means(squares / number, self._bins)
 
     def unit(self, term):
-        """Return the expected mean squares for a unit term, shape (r,), SI.
+        """Return the expected mean square of each row for a term of size 1, shape (r,), SI.
 
-        `term` is one of Q, N, B, K; or the correlation time, s, of a Gauss-Markov process of
-        variance 1.
+        `term` is one of Q, N, B, K, whose coefficient is then 1; or the correlation time, s, of a
+        Gauss-Markov process of variance 1.
         """
         if isinstance(term, str):
             return self.units[:, NAMES.index(term)]
         return np.exp(self.processes(np.log(term)))
 
     def gain(self, low_pass):
-        """Return the factor by which a LowPass changes white noise in each row, shape (r,)."""
+        """Return the factor by which a LowPass changes the power of white noise, (r,), by row."""
         if low_pass not in self._gains:
             slow = low_pass.gain(self.frequency[: len(self.ramp)] * self.dt)
             fast = _bin_means(expected_squares(low_pass.autocovariance(self.m)), self._bins)
@@ -186,9 +196,10 @@ class Modes:
 
 
 def modes(signals):
-    """Return the Modes of Signals, with or without values, one for each power cycle.
+    """Return the Modes of the Signals of one axis, one for each power cycle.
 
-    The signals have one rate, and at least one of them has two samples or more.
+    The signals have one sampling rate, and at least one of them has two samples or more. Their
+    values are not used.
     """
     closed = [signal.closed_up() for signal in signals]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
@@ -231,12 +242,15 @@ def modes(signals):
 
 
 def _bin_means(values, first):
-    """Return the mean over each bin of the last axis; `first` is the first index of each bin."""
+    """Return means of `values` over bins of the last axis; `first` has the first index of each."""
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
 def _level_times(signal):
-    """Return the time from start to end of each level of a Signal, s."""
+    """Return the time from start to end of each level of a Signal, s, (levels,).
+
+    A level is a stretch between two disturbances.
+    """
     first = np.flatnonzero(np.diff(signal.levels, prepend=-1))
     last = np.append(first[1:], len(signal.levels)) - 1
     samples = signal.starts[last] + signal.lengths[last] - signal.starts[first]
@@ -244,10 +258,11 @@ def _level_times(signal):
 
 
 def _block_length(lengths):
-    """Return the number of samples of a block, for stretches of these lengths, (s,).
+    """Return the number of samples of a block, an int.
 
-    About `BLOCKS` blocks hold nearly all samples. The length of long blocks has no large prime
-    factors, so that the transform is up to four times faster.
+    `lengths`, (s,), are the numbers of samples of s stretches. About `BLOCKS` blocks have at least
+    the share `HELD` of all samples. The length of long blocks has no large prime factors, which
+    makes the transform up to four times faster.
     """
     m = int(-(-lengths.sum() // BLOCKS))
     if m > LONG:
@@ -258,9 +273,9 @@ def _block_length(lengths):
 
 
 def _pieces(signals, m):
-    """Return the pieces of all power cycles, a list of _Piece, for blocks of m samples.
+    """Return the pieces of all Signals, a list of _Piece, for blocks of `m` samples.
 
-    A piece in which no level has two blocks has no contrast, and is left out.
+    If no level of a piece has two blocks, the piece has no contrast and is left out.
     """
     pieces = []
     for cycle, signal in enumerate(signals):

@@ -42,11 +42,11 @@ class NoiseResult:
 
 
 def estimate_noise(device, sessions, settings, views=True):
-    """Return the NoiseResult of a device.
+    """Return the NoiseResult of a device: noise coefficients, spectra and summary figures.
 
-    There is one estimate from all clean stretches of all static sessions or, if no static session
-    holds a rest, from the rests of all other sessions. If there is nothing to fit, no term is
-    identifiable.
+    An axis has one estimate from all clean stretches of all static sessions. If no static session
+    has a rest, the estimate comes from the rests of all other sessions. If there is no rest at all,
+    no coefficient is estimated.
 
     Parameters
     ----------
@@ -55,6 +55,7 @@ def estimate_noise(device, sessions, settings, views=True):
     sessions : list of RecordedSession
         All sessions of the device.
     settings : NoiseSettings
+        They have the significance level of all tests.
     views : bool
         Whether the result has spectra, too.
     """
@@ -98,7 +99,11 @@ def estimate_noise(device, sessions, settings, views=True):
 
 
 def _estimate(axis, records, basis, settings, notes):
-    """Return the AxisEstimate of an axis from Records and their Modes, and add to `notes`."""
+    """Return the AxisEstimate of one axis, and add remarks for the user to the list `notes`.
+
+    `records` is a list of Records, and `basis` are the Modes of all their power cycles. An axis
+    whose output is constant or not finite has no coefficients.
+    """
     signals = [signal for record in records for signal in record.signals(axis)]
     finite = all(np.isfinite(signal.values).all() for signal in signals)
     if not finite or all(signal.is_constant() for signal in signals):
@@ -135,8 +140,9 @@ def summary(stretches, rate):
     Returns
     -------
     dict of str to float or None
-        ``mean`` and ``std`` of the samples; ``std_10s`` and ``std_100s``, the standard deviations
-        of consecutive means over 10 s and over 100 s. None where a figure needs more data.
+        ``mean`` and ``std`` are the mean and the standard deviation of the samples. ``std_10s`` and
+        ``std_100s`` are the standard deviations of means over consecutive 10 s and 100 s. A figure
+        that needs more data is None.
     """
     x = np.concatenate(stretches)
     values = {"std": x}

@@ -1,4 +1,4 @@
-"""Periodogram of the clean stretches of a signal, over its local background."""
+"""Periodogram of a signal over the local background of its noise, in which lines are sought."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,23 +25,27 @@ EXPONENTS = np.geomspace(1e-4, 1e3, 700)
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram of one Signal, divided by the noise: spectrum times local background.
+    r"""Periodogram of one Signal, divided by its noise, so that peaks can be tested.
 
     The periodogram is :math:`I(f) = 2 |\sum_j x_j e^{-2 \pi i f t_j}|^2/(n r)` for n values
-    :math:`x_j` at the times :math:`t_j` and a sampling rate r; see `Signal.power`.
+    :math:`x_j` at the times :math:`t_j` and a sampling rate r; see `Signal.power`. It is divided by
+    the spectrum S of the fitted noise, and by a background.
 
-    The background is a factor for each block of frequencies: the largest median of I/S in the block
-    and in its two neighbours, where S is the spectrum. At either end the two nearest blocks are the
-    neighbours. So two things raise the background and do not count as lines: a local error of the
-    spectrum, and a band of lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
-    frequencies). In noise whose spectrum is right up to a local factor, I/S is exponential, and a
-    peak x times as high as the background has the chance
+    The background allows for a local error of the spectrum. It is a factor for each block of
+    frequencies: the largest median of I/S in the block and its two neighbours; at either end, the
+    two nearest blocks are the neighbours. A band of lines wider than half a block (0.15 Hz, 0.5 %
+    of f or 128 independent frequencies) raises the background, too, and so does not count as a
+    line.
+
+    Let x be the height of a peak over the background. If the spectrum is right up to a local
+    factor, I/S of noise is exponential. A peak of at least x then has the probability
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
 
-    at one frequency and anywhere. M is the largest of three medians of m exponentials of mean 1.
-    :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` is the number of independent frequencies in the
-    band B. The second formula is Baluev's bound on the maximum over a continuous frequency.
+    :math:`p_1` at one frequency, p at any frequency. M is the largest of three medians of m
+    exponential variables of mean 1. :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` is the number of
+    independent frequencies in the searched band, whose width is B. The second formula is Baluev's
+    bound on the maximum over a continuous frequency.
 
     Attributes
     ----------
@@ -50,14 +54,15 @@ class Periodogram:
     first : int
         First frequency, in steps.
     edges : ndarray of int, shape (b + 1,)
-        Edges of the blocks, in steps above the first frequency.
+        Edges of the b blocks, in steps above the first frequency.
     sizes : ndarray, shape (b,)
-        m: the fewest independent values in the block and in its two neighbours.
+        m: the smallest number of independent values in the block or one of its two neighbours.
     variance : ndarray, shape (b,)
-        Factor of a block that takes the spectrum, SI^2/Hz, to the variance of white noise of the
-        local density, SI^2.
+        Factor for each block: times the spectrum, SI^2/Hz, it is the variance of white noise with
+        the density of the noise in the block, SI^2.
     ratio : ndarray, shape (f,)
-        x: periodogram over spectrum and background, from the first edge to the last.
+        x: periodogram over spectrum and background, at each frequency from the first edge to the
+        last.
     independent : float
         W.
     spectrum : callable
@@ -80,9 +85,10 @@ class Periodogram:
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the Periodogram of a Signal; None if that is too short, sparse or without noise.
+        """Return the Periodogram of a Signal, or None if no line can be sought in it.
 
-        `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
+        Such a signal is too short, has large gaps (`Signal.is_sparse`) or never changes. `spectrum`
+        is the one-sided density of its noise, SI^2/Hz, as a function of frequency in Hz.
         """
         n = int(signal.lengths.sum())
         # frequencies in units of rate/n, the distance of independent ones
@@ -121,30 +127,36 @@ class Periodogram:
         )
 
     def highest(self, low=0.0, high=np.inf):
-        """Return height x and frequency, Hz, of the highest peak between two frequencies, Hz."""
+        """Return the height of the highest peak, over the background, and its frequency, Hz.
+
+        The peak is sought from the frequency `low` to the frequency `high`, Hz.
+        """
         ends = np.array([low, high]) / self.step - self.first
         i, j = np.clip(ends, 0, len(self.ratio) - 1).astype(int)
         index = i + int(self.ratio[i : j + 1].argmax())
         return float(self.ratio[index]), (self.first + index) * self.step
 
     def noise(self, frequency):
-        """Return the variance of white noise with the density at a frequency in Hz, SI^2, and m.
+        """Return the variance of white noise with the density of the noise at a frequency, and m.
 
-        m is the fewest independent values in the block of this frequency and in its two neighbours.
+        `frequency` is in Hz, the variance in SI^2. m is the smallest number of independent values
+        in the block of this frequency or in one of its two neighbours; it determines the error of
+        the background.
         """
         index = np.searchsorted(self.edges[1:-1], frequency / self.step - self.first, side="right")
         return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]
 
     def chance(self, sinusoid):
-        """Return the chance, at one frequency, of a peak as high as a FittedSinusoid."""
+        """Return the probability that noise is as high as a FittedSinusoid at its frequency."""
         variance, m = self.noise(sinusoid.frequency)
         return chance_at_one(sinusoid.explained / (2 * np.log(2) * variance), m)
 
 
 def chance_at_one(x, m):
-    """Return E[exp(-x M)], where M is the largest of three medians of m exponentials of mean 1.
+    """Return the probability that noise reaches a height x over the background, at one frequency.
 
-    It is the chance, at one frequency, of a peak that is x times as high as the background.
+    It is E[exp(-x M)], where M is the largest of three medians of `m` exponential variables of mean
+    1. M allows for the error of the background.
     """
     # least squares explain nothing, or less by rounding, at x = 0
     below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / max(x, 1e-9))) ** 3
@@ -152,18 +164,20 @@ def chance_at_one(x, m):
 
 
 def chance_over_band(chance, independent):
-    """Return the chance of a peak anywhere among `independent` frequencies.
+    """Return the probability that noise has a peak of some height anywhere in a band.
 
-    `chance` is the chance of such a peak at one frequency.
+    `chance` is the probability of such a peak at one frequency, and `independent` the number of
+    independent frequencies in the band.
     """
     chance = max(chance, 1e-300)
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
 def _block_sizes(low, n, rate):
-    """Return the number of independent values in each block of the background, a list.
+    """Return the number of independent frequencies in each block of the background, a list of int.
 
-    The blocks begin at the frequency `low`, in units of rate/n, for n values of a rate in Hz.
+    `n` is the number of values of the signal and `rate` its sampling rate, Hz. Independent
+    frequencies lie rate/n apart. The first block begins at the frequency `low`, in units of rate/n.
     """
     enough, sizes, k = max(ENOUGH, WIDTH_HZ * n / rate), [], low
     while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:

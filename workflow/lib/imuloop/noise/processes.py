@@ -1,4 +1,4 @@
-"""The noise processes: covariance of samples and of block means."""
+"""The noise processes: covariances of their means over several samples."""
 
 import numpy as np
 from scipy.special import sici, xlogy
@@ -11,13 +11,16 @@ SHORT, NEAR = 64, 32
 
 
 def covariances(d, m, dt, correlation_times=()):
-    r"""Yield the covariance of means over m samples for each process, SI, of the shape of `d`.
+    r"""Yield the covariance of two means over m samples, SI^2, for each noise process.
 
-    The first four arrays are for the unit coefficients Q, N, B, K. The others are for Gauss-Markov
-    processes of variance 1, one for each of the `correlation_times`, s. The record is evenly
-    sampled, with the interval `dt` = Δt, s. `d` is the distance in samples from the start of one
-    mean to the start of the other, 0 or at least m. For single samples, with m = 1 and the
-    correlation time T, the covariance is:
+    Each array has the shape of `d`.
+
+    The first four arrays are for noise with the coefficients Q, N, B, K of 1. The others are for
+    Gauss-Markov processes of variance 1, one for each of the `correlation_times`, s.
+
+    `d` is the distance, in samples, from the start of one mean to the start of the other; it is 0
+    or at least `m`, the number of samples of a mean. `dt` = Δt is the interval of the samples, s.
+    For single samples, with m = 1 and the correlation time T, the covariance is:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
@@ -26,8 +29,8 @@ def covariances(d, m, dt, correlation_times=()):
     - walk with steps of :math:`K\sqrt{\Delta t}` a sample: :math:`-|d| \Delta t/2`;
     - Gauss-Markov: :math:`e^{-d \Delta t/T}`.
 
-    The covariances of flicker and walk are generalised: they hold for contrasts, sums with weights
-    that add up to zero.
+    The covariances of flicker and walk are generalised: they hold only for contrasts, which are
+    weighted sums whose weights add up to zero.
 
     References
     ----------
@@ -48,17 +51,21 @@ def covariances(d, m, dt, correlation_times=()):
 
 
 def _flicker_samples(d):
-    """Return the generalised covariance of flicker at a lag of d samples."""
+    """Return the generalised covariance of two samples of flicker noise, B = 1, that lie d apart.
+
+    `d` is an array of distances in samples; the result has its shape.
+    """
     x = np.pi * np.maximum(d, 1)
     return np.where(d > 0, sici(x)[1] - np.euler_gamma - np.log(x), 0.0) / np.pi
 
 
 def _flicker_means(d, m):
-    r"""Return the generalised covariance of means of m samples of flicker, d samples apart.
+    r"""Return the generalised covariance of two means over m samples of flicker noise with B = 1.
 
-    If sums may be taken as integrals, it is a constant plus :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`
-    with x = d/m and the second difference :math:`\Delta^2`. If the means are near each other and
-    short, it is the mean over all pairs of samples.
+    `d` is the distance of the starts of both means, in samples. Sums are taken as integrals if the
+    means are far apart or long. The covariance is then a constant plus
+    :math:`-\Delta^2 [x^2 \ln|x|]/2\pi` with x = d/m and the second difference :math:`\Delta^2`.
+    Otherwise it is the mean over all pairs of samples.
     """
 
     def k(x):

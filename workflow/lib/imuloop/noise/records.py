@@ -29,7 +29,7 @@ LOST, TEMPERATURE_RANGE = 1e-3, 2.0
 
 @dataclass(frozen=True)
 class RecordedSession:
-    """One session of a device: name, kind, samples in SI and segments by column.
+    """One session of a device: its name, its kind, its samples in SI, and its table of segments.
 
     `samples` is empty if the session was rejected.
     """
@@ -41,13 +41,13 @@ class RecordedSession:
 
     @property
     def static(self):
-        """Whether it is a static session, in which the device did not move."""
+        """Whether this is a static session in which the device never moved."""
         return self.kind == "static" and MOTION not in np.asarray(self.segments["kind"])
 
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`)."""
+    """The clean stretches of one session, by power cycle (`core.segments.power_cycles`)."""
 
     session: RecordedSession
     rows: tuple[list[slice], ...]  # rows of the samples in each stretch, for each power cycle
@@ -62,35 +62,36 @@ class Record:
 
     @property
     def lengths(self):
-        """Samples of each stretch, shape (s,); a gap of a few samples does not end a stretch."""
+        """Number of samples of each stretch, (s,); a gap of a few samples does not end one."""
         return np.concatenate([cycle.closed_up().lengths for cycle in self.cycles])
 
     def signals(self, name):
-        """Return the Signal of a column for each power cycle, a list."""
+        """Return the Signals of a column of the samples, such as ``gx``, a list by power cycle."""
         x = np.asarray(self.session.samples[name])
         values = [np.concatenate([x[rows] for rows in cycle]) for cycle in self.rows]
         return [replace(s, values=x) for s, x in zip(self.cycles, values, strict=True)]
 
     def stretches(self, name):
-        """Return the values of a column, an array for each of the stretches of `lengths`."""
+        """Return the values of a column of the samples, a list with an array for each stretch."""
         return [x for s in self.signals(name) for x in s.closed_up().split(s.values)]
 
 
 def read_recorded(name, files):
-    """Read the RecordedSession `name`.
+    """Return the RecordedSession with a name, read from its files.
 
-    `files` is a dict with the ``kind`` of the session and the paths of its files.
+    `files` is a dict with the ``kind`` of the session and the paths of its ``samples`` and
+    ``segments``.
     """
     segments = read_columns(files["segments"])
     return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
 
 def record_of(session):
-    """Return the Record of all rests of a session with two samples or more.
+    """Return the Record of a RecordedSession, or None if it has no rest of two samples or more.
 
-    The result is None if the session does not hold such a rest. A rest of a static session has the
-    level of the rest before it, unless a disturbance lies between. Each rest of another session has
-    its own level. A lost sample ends a stretch.
+    The Record has all such rests. In a static session, the means of the rests are the same until a
+    disturbance: they have one level. In other sessions, each rest has its own level. A missing
+    sample ends a stretch.
     """
     if not len(session.samples):
         return None
@@ -118,11 +119,12 @@ def record_of(session):
 
 
 def _steady_rests(segments):
-    """Return the rests in which only the sensors make noise, a mask of the n segments, (n,).
+    """Return which of n segments are rests in which only the sensors make noise, a mask, (n,).
 
-    These are all rests, unless the device tilts in some rests. Then only rests without a tilt
-    count, or the third with the least tilt if there is none. Of these, rests shorter than half the
-    longest are left out: a small tilt is not seen in them and looks like a walk.
+    These are all rests if the device does not tilt in any. If it tilts in some, they are the rests
+    without a tilt; if it tilts in all, the third with the least tilt. When it tilts, rests shorter
+    than half the longest of these are left out as well: a small tilt is not noticed in a short
+    rest, and looks like a walk. `segments` is the table of segments.
     """
     rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
     if not tilt[rest].any():
@@ -133,12 +135,23 @@ def _steady_rests(segments):
 
 
 def _split_at_losses(t, first, last):
-    """Return the rests cut where samples are missing, the share of those samples, and the rate.
+    """Return rests cut where samples are missing, the share of missing samples, and the rate.
 
-    Takes the time stamps, s, (n,), and the first and last row (half-open) of each rest. The first
-    result is a list with a tuple for each stretch: its first and last row (half-open), and the
-    index of the rest that it is part of. The share is the number of missing samples over the number
-    of samples that are there, in all rests. The rate, Hz, is the mean over all rests.
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time stamps, s.
+    first, last : ndarray of int, shape (m,)
+        First row of each of m rests, and the row after its last.
+
+    Returns
+    -------
+    stretches : list of tuple
+        For each stretch its first row, the row after its last, and the index of its rest.
+    lost : float
+        Number of missing samples over the number of samples that are there, in all rests.
+    rate : float
+        Mean sampling rate over all rests, Hz.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][:PART]))
@@ -156,12 +169,13 @@ def _split_at_losses(t, first, last):
 
 
 def records_by_sensor(sessions, notes):
-    """Return the Records to use, a list of pairs: the names of sensors, and their Records.
+    """Return the Records from which noise is estimated, by sensor, a list of pairs.
 
-    Sensors share their Records if the same sessions hold both, on one clock. A sensor without a
-    rest is in no pair. `sessions` is a list of RecordedSessions. To the list `notes` the function
-    adds which sessions are left out and what limits the coefficients, with the name of the sensor
-    if the sensors do not share their Records.
+    A pair has the names of sensors, and their Records. Both sensors are in one pair if they were
+    recorded in the same sessions, on one clock. A sensor without a rest is in no pair. `sessions`
+    is a list of RecordedSessions. Remarks are added to the list `notes`: which sessions are left
+    out, and what limits the coefficients. They begin with the name of the sensor if the sensors do
+    not share their Records.
     """
     two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
     groups, pairs = {}, []
@@ -179,10 +193,11 @@ def records_by_sensor(sessions, notes):
 
 
 def choose_records(sessions):
-    """Return the Records to use and notes on them, two lists.
+    """Return the Records of one sensor to estimate noise from, and remarks on them, two lists.
 
-    The Records are of static sessions or, if no static session holds a rest, of all other sessions
-    with a rest. All Records have one rate. The notes name the sessions that are left out, and what
+    The Records are of the static sessions with a rest. If there are none, they are of all other
+    sessions with a rest. Sessions whose sampling rate differs from the largest record's by more
+    than `RATE_TOLERANCE` are left out. The remarks name the sessions that are left out, and what
     limits the coefficients.
     """
     by_name = {session.name: record_of(session) for session in sessions if session.static}
@@ -212,7 +227,7 @@ def choose_records(sessions):
 
 
 def _conditions(record):
-    """Yield notes on the gaps and the temperature of a Record, each a text."""
+    """Yield remarks on the gaps and on the temperature of a Record, each a text."""
     if jumps := len(record.cycles) - 1:
         yield f"{jumps} gap(s) longer than all that was recorded; noise is not followed across"
     if any(cycle.is_sparse for cycle in record.cycles):

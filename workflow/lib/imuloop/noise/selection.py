@@ -1,7 +1,7 @@
-"""Which noise terms a record supports.
+"""The choice of the noise terms that a record supports.
 
-The terms of a model are a tuple. The tuple holds the letters of Q, N, B, K in this order, 'R' for a
-ramp, and the correlation time of each Gauss-Markov process, s.
+The terms of a model are a tuple. It has the letters of Q, N, B, K in this order, 'R' for a ramp,
+and the correlation time, s, of each Gauss-Markov process.
 """
 
 from dataclasses import dataclass, field, replace
@@ -35,29 +35,29 @@ ORDER = (*NAMES, "R")
 
 
 def without(terms, term):
-    """Return the terms without the term `term`."""
+    """Return a tuple of `terms` without one of them, `term`."""
     return tuple(t for t in terms if t != term)
 
 
 def plus(terms, term):
-    """Return the terms with the term `term`, in order: letters, then correlation times."""
+    """Return a tuple of `terms` and one more, `term`: first letters, then correlation times."""
     extended = (*terms, term)
     return (*(t for t in ORDER if t in extended), *correlation_times(extended))
 
 
 def variances(terms):
-    """Return the terms that have a variance, and so a part of the spectrum: all but a ramp."""
+    """Return the terms that have a variance, and so a spectrum: all but a ramp."""
     return without(terms, "R")
 
 
 def correlation_times(terms):
-    """Return the correlation times of the Gauss-Markov processes, s."""
+    """Return the correlation times, s, of the Gauss-Markov processes among `terms`, a tuple."""
     return tuple(t for t in terms if not isinstance(t, str))
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The likelihood of one axis as a function of the terms, and the choice of the terms."""
+    """The likelihood of one axis as a function of its noise terms, and the choice of the terms."""
 
     modes: Modes
     likelihood: Likelihood
@@ -66,28 +66,41 @@ class Selection:
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def weighted(self, weight):
-        """Return this Selection with the weights of the rows multiplied by `weight`, (r,)."""
+        """Return this Selection with the weight of each row multiplied by `weight`, (r,).
+
+        A row is a slow mode or a bin of fast modes (`Modes`).
+        """
         count = self.likelihood.count * weight
         return replace(self, likelihood=replace(self.likelihood, count=count))
 
     def unit(self, term):
-        """Return the expected mean squares for a unit term behind the filter, shape (r,)."""
+        """Return the expected mean square of each row for a term of size 1, (r,).
+
+        It is the one behind the filter, if there is one. `term` is a letter, whose coefficient is
+        then 1, or the correlation time of a process of variance 1.
+        """
         unit = self.modes.unit(term)
         return unit * self.modes.gain(self.low_pass) if self.low_pass and term != "Q" else unit
 
     def units(self, terms):
-        """Return the expected mean squares for unit terms, all but a ramp, shape (r, p)."""
+        """Return the expected mean squares of the r rows for each of p terms of size 1, (r, p).
+
+        A ramp among the `terms` is left out, as it has no variance.
+        """
         return np.column_stack([self.unit(term) for term in variances(terms)])
 
     def fit(self, terms, start=None):
-        """Return the MaximumLikelihood of terms; `start` may hold variances near the maximum."""
+        """Return the MaximumLikelihood of the model with the given terms.
+
+        `start` may hold variances near the maximum, (p,), for the p terms but a ramp.
+        """
         if terms not in self._fits:
             ramp = None if "R" in terms else 0.0
             self._fits[terms] = self.likelihood.fit(self.units(terms), ramp, start=start)
         return self._fits[terms]
 
     def noise(self, terms):
-        """Return the AxisNoise with the fitted values of terms, without intervals or a ramp."""
+        """Return the AxisNoise with the fitted values of `terms`, without intervals and ramp."""
         values = dict(zip(variances(terms), np.sqrt(self.fit(terms).theta), strict=True))
         letters = {name: Coefficient(values[name]) for name in values if name in NAMES}
         drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
@@ -95,11 +108,13 @@ class Selection:
         return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, terms):
-        """Return the probability that an absent term improves the fit as much as `term` does.
+        """Return the p-value of a term: the probability that noise makes it gain as much.
 
-        `terms` include the term. Twice the gain in log-likelihood is a chi-square variable of one
-        degree for a ramp. For a variance, which cannot be negative, the gain is 0 in half of all
-        cases. A correlation time is the best of several that were tried.
+        `terms` are the model with `term`; the model without it is fitted for comparison. Twice the
+        gain in log-likelihood is a chi-square variable of one degree of freedom for a ramp. The
+        variance of another term cannot be negative, so in half of all cases it is 0 and gains
+        nothing. For a Gauss-Markov process, the p-value allows for all the correlation times that
+        were tried.
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
@@ -109,25 +124,28 @@ class Selection:
 
     @property
     def times(self):
-        """Correlation times that are tried for Gauss-Markov processes, s."""
+        """Correlation times that are tried for a Gauss-Markov process, s, (k,)."""
         times = self.modes.correlation_times
         longest = LONGEST * self.modes.usual_level
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
 
     @property
     def candidates(self):
-        """Terms that the record can tell from each other, without Gauss-Markov processes."""
+        """Letters of the terms that the record can tell from each other, a tuple.
+
+        Walk and ramp are left out if all levels, the stretches between two disturbances, are short.
+        """
         lasting = self.modes.longest_level >= LASTING * self.modes.span
         return ORDER if lasting else without(NAMES, "K")
 
     @cached_property
     def supported(self):
-        """The supported terms, a tuple.
+        """The terms that the record supports, a tuple.
 
         The search starts from all candidates but a ramp. First, terms that fail their test are
-        removed, the worst first. Then the absent term that passes its test best is added. A
-        Gauss-Markov process is added only if no other absent term passes. Both steps are repeated
-        until nothing changes.
+        removed, the worst first. Then the absent term that passes its test best is added; this is a
+        Gauss-Markov process only if no other absent term passes. Both steps are repeated until
+        nothing changes.
         """
         terms, seen = variances(self.candidates), []
         while terms not in seen:
@@ -136,9 +154,10 @@ class Selection:
         return self._without_failed(terms)
 
     def _without_failed(self, terms):
-        """Return the terms without those that fail their test, the worst first.
+        """Return the terms without those that fail their test, which are removed one by one.
 
-        At least one variance stays.
+        The worst is removed first. White noise is removed last. At least one term with a variance
+        stays.
         """
         while True:
             p = {t: self.p_value(t, terms) for t in terms if variances(without(terms, t))}
@@ -150,7 +169,7 @@ class Selection:
             terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
-        """Return the terms with the absent term that passes its test best, if one passes.
+        """Return the terms and the one absent term that passes its test best, if any passes.
 
         A Gauss-Markov process is added only if no other absent term passes.
         """

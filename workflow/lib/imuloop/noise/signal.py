@@ -1,4 +1,4 @@
-"""When the clean stretches of a power cycle were sampled, and the values of a channel there."""
+"""A signal: the values of a channel in the clean stretches of one power cycle."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,17 +15,21 @@ SPARSEST = 16
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Clean stretches of a power cycle on its grid of samples; gaps keep their place in time.
+    """The clean stretches of one power cycle, on the grid of its sampling times.
+
+    Gaps keep their place in time. A level is the mean of the output between two disturbances: a
+    disturbance may have moved the device, so the output has another mean after it.
 
     Attributes
     ----------
     rate : float
         Sampling rate, Hz.
     starts, lengths : ndarray of int, shape (s,)
-        First sample of each stretch, ascending from 0, and the number of its samples.
+        Number of the first sample of each stretch on the grid, ascending from 0, and the number of
+        samples of the stretch.
     levels : ndarray of int, shape (s,)
-        Number of the level of each stretch, ascending from 0 without a break. Neighbours share a
-        level across a gap. After a disturbance, which may have moved the device, a new one begins.
+        Number of the level of each stretch, ascending from 0 without a break. Stretches with only a
+        gap between them share a level.
     values : ndarray, shape (n,), optional
         Values of one channel, all stretches one after the other.
     """
@@ -38,13 +42,13 @@ class Signal:
 
     @cached_property
     def samples(self):
-        """The number of each sample on the grid, shape (n,)."""
+        """Position of each of the n samples on the grid, (n,) of int, from 0; gaps count."""
         before = np.cumsum(self.lengths) - self.lengths
         return np.arange(self.lengths.sum()) + np.repeat(self.starts - before, self.lengths)
 
     @property
     def extent(self):
-        """Number of samples of the grid from the first to the last clean one, gaps included."""
+        """Number of grid points from the first to the last clean sample, gaps included."""
         return int(self.starts[-1] + self.lengths[-1])
 
     @property
@@ -58,21 +62,21 @@ class Signal:
         return self.extent > SPARSEST * self.lengths.sum()
 
     def split(self, x):
-        """Return the part of x, (n,), in each stretch, a list of views."""
+        """Return an array, (n,), cut into the stretches: a list of views, one for each."""
         return np.split(x, np.cumsum(self.lengths)[:-1])
 
     def centred(self, x):
-        """Return the values x, (n,), minus the mean of each level, (n,)."""
+        """Return an array, (n,), minus its mean over each level, (n,)."""
         ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return the stretches with gaps of a few samples closed up, a Signal without values.
+        """Return a Signal without values, in which gaps of a few samples are left out of the grid.
 
-        A longer gap, or a new level, still ends a stretch. White noise stays white and flicker
-        stays flicker. A line does not stay a line. A walk or a ramp goes on within the gaps, so it
-        seems to change more from sample to sample: it looks larger by up to the share of missing
-        samples.
+        Stretches with such a gap between them become one. A longer gap, or a new level, still ends
+        a stretch. White noise stays white and flicker stays flicker. A line does not stay a line. A
+        walk or a ramp goes on within the gaps, so it seems to change more from sample to sample: it
+        looks larger by up to the share of missing samples.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
@@ -81,15 +85,16 @@ class Signal:
         return Signal(self.rate, self.starts[first], lengths, self.levels[first])
 
     def is_constant(self):
-        """Return whether no stretch ever changes."""
+        """Return whether the values are constant within every stretch."""
         return not any(np.ptp(x) for x in self.split(self.values))
 
     @cached_property
     def power(self):
-        """Squared magnitude of the Fourier transform over a factor, (f,), and the factor, SI^2.
+        """Squared magnitude of the Fourier transform over a factor, (f,), and this factor, SI^2.
 
-        Before the transform, the mean of each level and one slope are subtracted, gaps are filled
-        with zeros, and the record is padded to twice its length or a little more.
+        The f frequencies go from 0 to half the sampling rate. Before the transform, the mean of
+        each level and one slope are subtracted, gaps are filled with zeros, and the record is
+        padded to twice its length or a little more.
         """
         t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
         x -= (t @ x) / (t @ t) * t

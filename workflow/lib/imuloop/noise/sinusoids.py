@@ -30,10 +30,11 @@ class FittedSinusoid:
 
 
 def fit_sinusoid(signal, frequency):
-    """Return the FittedSinusoid of a Signal, fitted together with levels and a slope.
+    """Return the FittedSinusoid of a Signal: the sinusoid of least squares near a frequency.
 
-    The method is Gauss-Newton. It starts from `frequency`, Hz, which has to be right within 1/(4
-    span), where span is the duration of the Signal. No step is longer than that.
+    The mean of each level and one slope are fitted with it. The method is Gauss-Newton. It starts
+    from `frequency`, Hz, which has to be right within 1/(4 span), where span is the duration of the
+    Signal, s. No step is longer than that.
     """
     step = 1 / (4 * signal.span)
     for _ in range(ROUNDS):
@@ -62,9 +63,9 @@ def fit_sinusoid(signal, frequency):
 
 
 def _products(signal, frequency):
-    """Return the sums over all samples of the products of the six rows of `_chunks`, (6, 6).
+    """Return the sums over all samples of the products of each two rows of `_chunks`, (6, 6).
 
-    Before the products, the mean of each row over each level is subtracted.
+    The mean of each row over each level is subtracted first. `frequency` is in Hz.
     """
     number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))
@@ -75,11 +76,11 @@ def _products(signal, frequency):
 
 
 def _chunks(signal, frequency):
-    """Yield the level and six rows of numbers, (6, k), for one chunk of k samples after the other.
+    """Yield, for each chunk of k samples, the number of its level and six rows of numbers, (6, k).
 
-    The rows are x, u, cosine, sine, u cosine and u sine. x are the values without the mean of their
-    level. u goes from -1 to 1 over the signal. Cosine and sine have the `frequency`, Hz, and phase
-    0 at u = 0.
+    The rows are x, u, cosine, sine, u cosine and u sine. x are the values of the Signal minus the
+    mean of their level. u is the time, which goes from -1 to 1 over the signal. Cosine and sine
+    have the `frequency`, Hz, and phase 0 at u = 0.
     """
     half = (signal.extent - 1) / 2
     stretches = signal.split(signal.centred(signal.values))

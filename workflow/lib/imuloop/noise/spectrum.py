@@ -1,4 +1,4 @@
-"""Power spectral density of records that may be cut into stretches."""
+"""Power spectral density of an axis whose record may be cut into stretches."""
 
 import numpy as np
 from scipy.fft import rfft
@@ -27,16 +27,17 @@ def spectrum_table(axis, stretches, rate):
 
     A segment has half the samples of the longest stretch, rounded down to a power of two. Segments
     overlap by half, and none reaches over the end of a stretch. Neighbouring frequencies are
-    averaged in logarithmic bins. The density is proportional to a chi-square variable. Its
-    equivalent degrees of freedom are
+    averaged in logarithmic bins. The interval of a density follows from a chi-square distribution
+    with
 
     .. math:: \nu = 2 n^2 / \sum_{i, j} \rho^2_{ij}, \quad
         \rho^2_{ij} = \Big| \sum_t w_t w_{t+s} e^{-2\pi i d t/L} \Big|^2
         \Big/ \Big(\sum_t w_t^2\Big)^2
 
-    The sum is over all pairs of the n squared coefficients in a bin, from all segments of L
-    samples. The coefficients of a pair lie d frequencies and s samples apart. w is the Hann window.
-    The noise is assumed to be white within a bin.
+    degrees of freedom. n is the number of squared coefficients in a bin, from all segments of L
+    samples. The sum is over all pairs i, j of them. The two coefficients of a pair lie d
+    frequencies and s samples apart, and :math:`\rho^2` is their squared correlation in white noise.
+    w is the Hann window.
 
     Parameters
     ----------
@@ -50,9 +51,9 @@ def spectrum_table(axis, stretches, rate):
     Returns
     -------
     dict of ndarray
-        Rows of spectra.parquet: frequencies in Hz, ascending, without the two lowest and without
-        half the rate; densities in SI^2/Hz, and their 95 % intervals by chi-square. There are at
-        most `POINTS` rows, and none if all stretches are shorter than `FEWEST` samples.
+        The columns of spectra.parquet: frequencies in Hz, ascending, without the two lowest and
+        without half the rate; densities in SI^2/Hz, and the ends of their 95 % intervals. There are
+        at most `POINTS` rows, and none if all stretches are shorter than `FEWEST` samples.
 
     References
     ----------

@@ -1,1 +1,1 @@
-"""From samples to segments: rests, motion, disturbances."""
+"""From the samples of a session to its segments: rests, motion, disturbances and gaps."""

@@ -1,4 +1,4 @@
-"""Attitudes of a session, and the error of an accelerometer calibrated by them."""
+"""Attitudes of a session, and the expected error of an accelerometer that is calibrated by them."""
 
 import numpy as np
 from scipy.special import chdtri
@@ -23,22 +23,23 @@ _MOMENTS[:3, :3] += 1 / 15
 def expected_error(f):
     """Return the expected error of an accelerometer that is calibrated with n attitudes, a float.
 
-    The error is a share of gravity, root mean square over all directions of gravity. It is infinite
-    without attitudes. Takes the mean specific force f of each attitude, m/s², (n, 3).
+    The stage chooses those rests that make this error small. The error is a share of gravity, root
+    mean square over all directions of gravity; without attitudes it is infinite. `f`, (n, 3), is
+    the mean specific force in each attitude, m/s².
 
-    Let u be the mean specific force in units of its median norm. The model of an accelerometer at
-    rest is an ellipsoid that is linear in nine coefficients β, the elements of B and c:
+    Let u be the mean specific force in units of its median norm. An accelerometer at rest is
+    modelled by an ellipsoid that is linear in nine coefficients β, the elements of B and c:
 
         y = (|u|² − 1)/2 = uᵀ B u + cᵀ u = x(u)ᵀ β,      B symmetric.
 
-    y is the relative error of the norm, to first order, of variance σ². The prior of β is Gaussian
-    with the covariance P, so the covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹, where X has the rows x(u)
-    of the attitudes. The result is the root of the mean of xᵀ C x over all directions.
+    y is the relative error of the norm, to first order; its variance is σ². The prior of β is
+    Gaussian with the covariance P, so the covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹. X has the row
+    x(u) of each attitude. The result is the root of the mean of xᵀ C x over all directions.
 
-    σ² is its upper 95 % limit by the sum S of the squared residuals, (S + ε²) / χ²(0.05; ν + 1).
-    ν = n − tr H are its degrees of freedom. H is the hat matrix of a fit with the prior and with
-    σ = ε; ε is `POSE_NORM`, a prior of σ with the weight of one attitude. So more attitudes reduce
-    C, worse ones increase σ, and a small residual of few attitudes does not count.
+    For σ² its upper 95 % limit is taken, (S + ε²) / χ²(0.05; ν + 1). S is the sum of the squared
+    residuals. ν = n − tr H are its degrees of freedom, with the hat matrix H of a fit with the
+    prior and with σ = ε. ε is `POSE_NORM`, a prior of σ with the weight of one attitude. So more
+    attitudes reduce C, worse ones increase σ, and a small residual of few attitudes does not count.
 
     References
     ----------
@@ -67,10 +68,11 @@ def expected_error(f):
 
 
 def attitudes(force, rests):
-    """Return the mean specific force of each of k attitudes, m/s², (k, 3).
+    """Return the mean specific force in each of k attitudes, m/s², (k, 3).
 
-    Consecutive rests whose directions differ by at most `SAME_ATTITUDE` are one attitude. Takes the
-    specific force, m/s², (3, n), and the ranges of samples of the m rests, (m, 2), half-open.
+    Consecutive rests whose directions of specific force differ by at most `SAME_ATTITUDE` have one
+    attitude. `force` is the specific force, m/s², (3, n), and `rests` are the half-open ranges of
+    samples of the m rests, (m, 2).
     """
     if not len(rests):
         return np.empty((0, 3))

@@ -1,4 +1,4 @@
-"""Disturbances of a device at rest: second differences of means that are too large for noise."""
+"""Disturbances of a device at rest: changes of the mean that are too large for noise."""
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -28,22 +28,23 @@ ROUNDS = 10
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
-    """Return the covariance of vectors of mean zero, (k, k), without the effect of outliers.
+    """Return the covariance of vectors of mean zero, (k, k), on which outliers have no effect.
 
-    A first covariance, the same in all directions of a sensor, follows from the median size of the
-    vectors. By it the vectors near zero are chosen: those whose squared Mahalanobis distance is
-    below the 97.5 % quantile of χ². Their second moments give the next covariance, and so on. If
-    the tails are heavier than normal, the 99 % quantile of the distance sets the scale at the end,
-    up to `tail_limit` times. The result does not depend on the axes of a sensor.
+    First, a covariance that is equal in all directions follows from the median size of the vectors.
+    Vectors near zero are chosen by it: those whose squared Mahalanobis distance is below the 97.5 %
+    quantile of χ². Their second moments give the next covariance, and so on. At the end, if the
+    tails are heavier than normal, the covariance is multiplied by a factor of up to `tail_limit`,
+    so that the 99 % quantile of the distance is right. The result does not depend on the axes of a
+    sensor.
 
     Parameters
     ----------
     x : ndarray, shape (n, k)
-        Vectors of one or more sensors, three axes each.
+        n vectors with the three axes of one or more sensors.
     floor : ndarray, shape (k,)
         Variance of rounding, which is added to each channel.
     tail_limit : float, optional
-        Most by which heavy tails may raise the covariance.
+        Largest factor by which heavy tails raise the covariance.
 
     References
     ----------
@@ -66,9 +67,9 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
 
 
 def squared_distance(x, covariance):
-    """Return the squared Mahalanobis distance of n vectors from zero, (n,).
+    """Return the squared Mahalanobis distance from zero of n vectors, (n,).
 
-    Takes the vectors, (n, k), and their covariance, (k, k).
+    `x`, (n, k), are the vectors, and `covariance`, (k, k), is their covariance.
     """
     std = np.sqrt(np.diag(covariance))
     # the ridge keeps the matrix positive definite if a channel copies another
@@ -78,36 +79,36 @@ def squared_distance(x, covariance):
 
 
 def squared_distance_limit(probability, k, m):
-    """Return the squared distance that a noise vector exceeds with the given probability, a float.
+    """Return the squared distance that a vector of noise exceeds with a `probability`, a float.
 
-    The covariance of the k channels is estimated from m other vectors, so the squared distance is
-    Hotelling's T²: (m² − 1) k / (m (m − k)) times an F variable with k and m − k degrees of
-    freedom. F exceeds ``(m − k) (1 − z) / (k z)`` with the probability that a
-    Beta((m − k)/2, k/2) variable is below z. This form is accurate for small probabilities.
+    The covariance of the `k` channels is estimated from `m` other vectors, so the squared distance
+    is Hotelling's T²: (m² − 1) k / (m (m − k)) times an F variable with k and m − k degrees of
+    freedom. F exceeds ``(m − k) (1 − z) / (k z)`` with the probability that a Beta((m − k)/2, k/2)
+    variable is below z. This form is accurate for small probabilities.
     """
     z = betaincinv((m - k) / 2, k / 2, probability)
     return (m * m - 1) / m * (1 - z) / z
 
 
 def undisturbed_ranges(x, ranges, step, settings):
-    """Return the parts of ranges of samples without a disturbance, (k, 2).
+    """Return the parts of ranges of samples in which a device at rest is not disturbed, (k, 2).
 
-    A second difference is the sum over `half` samples, minus twice the sum over the next `half`
-    samples, plus the sum over the `half` samples after these; a linear drift does not change it.
-    There is a scale for each `half`, up to `longest_scale_s`. The second differences of a scale, of
+    A second difference is the sum over h samples, minus twice the sum over the next h samples, plus
+    the sum over the h samples after these. A linear drift does not change it. There is a scale for
+    each h = 2, 4, 8 …, up to the length `longest_scale_s`. The second differences of one scale, of
     all channels, are compared with their own robust covariance. So flicker, random walk and drift
-    of any length only increase the covariance of the scales on which they act.
+    only increase the covariance of the scales on which they act.
 
     A second difference is a disturbance if its squared distance occurs in Gaussian noise with a
     probability below `false_alarm` over the number of samples. All scales together have 1.3 second
-    differences per sample (Bonferroni, which holds for any correlation). Sensors at rest give
-    single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million), so sums of
-    fewer than `LONE` samples need an amplitude `LONE_FACTOR` times as large.
+    differences per sample (Bonferroni, which holds for any correlation). Sensors at rest show
+    single samples that are off by 7 to 12 standard deviations (an ADIS16405 some fifty in a
+    million). So sums of fewer than `LONE` samples need an amplitude `LONE_FACTOR` times as large.
 
-    If several scales show a disturbance, the finest determines the cut. A wide disturbance is cut
-    at the edge where the level changes more. The search is then repeated on the remaining ranges,
-    so that a tilt next to a knock, or the sway after it, is found too. A lasting tilt is cut only
-    at its transition: the ranges before and after it are separate.
+    If several scales show a disturbance, the finest one determines the samples that are cut out. A
+    wide disturbance is cut at the edge where the mean changes more. The search is then repeated on
+    the remaining ranges, so that a tilt next to a knock, or the sway after it, is found too. Of a
+    lasting tilt only the transition is cut out: the ranges before and after it are separate.
 
     Parameters
     ----------
@@ -139,9 +140,9 @@ def undisturbed_ranges(x, ranges, step, settings):
 
 
 def _find_cuts(x, ranges, floor, step, settings):
-    """Return the ranges of samples to cut, (k, 2), from one round of the search for disturbances.
+    """Return the ranges of samples with a disturbance, (k, 2), from one round of the search.
 
-    A disturbance is a second difference of sums of the channels that is too large for noise. The
+    A disturbance is a second difference that is too large for noise (`undisturbed_ranges`). The
     search goes from sums over two samples to longer ones.
 
     Parameters
@@ -196,8 +197,8 @@ def _find_cuts(x, ranges, floor, step, settings):
 def _find_large(sums, differences, half, covariance, bound, guard):
     """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
 
-    All samples of a short second difference are cut. A long one is cut only at the edge where the
-    level changes more, before or after the samples in the middle.
+    All samples of a short second difference are cut out. Of a long one only one edge is cut out:
+    the start or the end of the samples in the middle, whichever has the larger change of the mean.
 
     Parameters
     ----------
@@ -211,7 +212,7 @@ def _find_large(sums, differences, half, covariance, bound, guard):
     covariance : ndarray, shape (6, 6)
         Covariance of the second differences.
     bound : float
-        Squared distance, in the metric of the covariance, above which a difference is large.
+        Squared Mahalanobis distance above which a second difference is large.
     guard : int
         Number of samples to cut before and after a disturbance.
     """
@@ -233,9 +234,9 @@ def _find_large(sums, differences, half, covariance, bound, guard):
 
 
 def _double_sums(sums, lag, thin):
-    """Return sums of six channels over twice as many samples, (6, k); one in `thin` is kept.
+    """Return sums of six channels over twice as many samples, (6, k).
 
-    `sums` are sums over consecutive samples, (6, m). Two sums whose columns differ by `lag` adjoin
-    each other.
+    `sums`, (6, m), are sums over consecutive samples. Two sums adjoin each other if their columns
+    differ by `lag`. One in `thin` of the results is kept.
     """
     return sums[:, :-lag:thin] + sums[:, lag::thin]

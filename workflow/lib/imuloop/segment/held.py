@@ -1,4 +1,4 @@
-"""Rests in the hand, in which the device keeps its attitude except for tremor and sway."""
+"""Rests in the hand: the device keeps its attitude except for tremor and sway."""
 
 import numpy as np
 
@@ -17,10 +17,10 @@ MOST = 0.8
 
 
 def held_rests(w, stretches, step, bias, shortest):
-    """Return the ranges of samples in which a hand holds the device, (m, 2).
+    """Return the ranges of samples in which a hand holds the device in one attitude, (m, 2).
 
-    In such a range the norm of the mean angular rate over `WINDOW`, less the bias, is at most
-    `HOLDS`. The range lasts at least `SHORTEST` and at least `shortest`.
+    In such a range the mean angular rate over `WINDOW` seconds differs from the bias by at most
+    `HOLDS`, in norm. The range lasts at least `SHORTEST` and at least `shortest`.
 
     Parameters
     ----------
@@ -28,10 +28,12 @@ def held_rests(w, stretches, step, bias, shortest):
         Angular rate, rad/s.
     stretches : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.
-    step, shortest : float
-        Time step, and shortest rest, s.
+    step : float
+        Median time step, s.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
+    shortest : float
+        Shortest rest, s.
     """
     width, rests = max(2, round(WINDOW / step)), [np.empty((0, 2), dtype=int)]
     for i, j in stretches[lengths(stretches) >= width]:
@@ -42,12 +44,18 @@ def held_rests(w, stretches, step, bias, shortest):
 
 
 def unite(still, by_hand):
-    """Return rests on a support and in the hand in order of time, and which are in the hand.
+    """Return all rests in order of time, (m, 2), and which of them are in the hand, (m,).
 
     A rest in the hand replaces the rests on a support that overlap with it. It is left out instead
-    in two cases: if rests on a support are at least the share `MOST` of it, or if some but less
-    than half of a rest on a support lies in it. Takes ranges of samples of rests on a support,
-    `still`, (k, 2), and in the hand, `by_hand`, (l, 2); returns ranges, (m, 2), and a mask, (m,).
+    in two cases: rests on a support are at least the share `MOST` of it; or it overlaps with less
+    than half of a rest on a support.
+
+    Parameters
+    ----------
+    still : ndarray of int, shape (k, 2)
+        Ranges of samples of the rests on a support.
+    by_hand : ndarray of int, shape (l, 2)
+        Ranges of samples of the rests in the hand.
     """
     # number of samples that each pair of rests shares, (k, l)
     ends = np.minimum(still[:, None, 1], by_hand[:, 1])
@@ -62,11 +70,21 @@ def unite(still, by_hand):
 
 
 def sways(w, rests, bias, step):
-    """Return the root mean square of the rotation from the mean attitude of each rest, rad, (m,).
+    """Return the size of the sway in each rest, rad, (m,).
 
-    The rotation includes the one about the vertical, which looks like a bias. Takes angular rate,
-    rad/s, (3, n), the ranges of samples of the rests, (m, 2), the bias, rad/s, (3,), and the time
-    step, s.
+    The sway is the rotation from the mean attitude of the rest, root mean square. It includes the
+    rotation about the vertical, which cannot be told from a bias.
+
+    Parameters
+    ----------
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples of the rests.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope, rad/s.
+    step : float
+        Median time step, s.
     """
     rotations = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
     return np.array([np.sqrt(rotation.var(axis=0).sum()) for rotation in rotations])

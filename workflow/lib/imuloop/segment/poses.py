@@ -1,4 +1,4 @@
-"""Numbers of poses: consecutive rests in one attitude are one pose."""
+"""Numbers of poses: consecutive rests in one attitude, without a turn between, are one pose."""
 
 import numpy as np
 
@@ -14,8 +14,8 @@ TURNED = 0.087
 def _has_turned(rows, first, last, bias):
     """Return whether the device turns by more than `TURNED` from its attitude at the first sample.
 
-    Takes Samples, the first row of a range and the one after its last, and the bias of the
-    gyroscope, rad/s, (3,).
+    `rows` are the Samples of the session. `first` and `last` are a half-open range of rows. `bias`,
+    (3,), is the bias of the gyroscope, rad/s.
     """
     t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
     attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
@@ -27,22 +27,26 @@ def _has_turned(rows, first, last, bias):
 def number_poses(rows, rests, table, stretches):
     """Return the number of the pose of each rest, 0, 1, 2 … in order of time, (m,).
 
-    A rest has the number of the rest before under three conditions. No long gap lies between the
-    two rests. The direction of specific force agrees with that of the first rest of the pose within
-    `SAME_ATTITUDE`, or within four standard errors of the means if these are larger. And the device
-    never turned by more than `TURNED` between the two rests, by the angular rate less its mean over
-    both: a full turn, or a turn about the vertical, makes a new pose although the direction of
-    gravity is the same.
+    A rest is in the pose of the rest before it under three conditions:
+
+    - No long gap lies between the two rests.
+    - The direction of specific force agrees with that in the first rest of the pose: within
+      `SAME_ATTITUDE`, or within four standard errors if these are larger.
+    - The device never turned by more than `TURNED` between the two rests. The turn is the integral
+      of the angular rate, less its mean over both rests. So a full turn, or a turn about the
+      vertical, makes a new pose although the direction of gravity is the same.
 
     Parameters
     ----------
     rows : Samples
         The samples of the session.
-    rests, stretches : ndarray of int, shape (m, 2), (k, 2)
-        Ranges of samples of the rests, and between long gaps.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples of the rests.
     table : DataFrame
         Rows of the rests in the table of segments, with mean and standard deviation of each
         channel.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (

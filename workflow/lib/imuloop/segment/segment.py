@@ -51,14 +51,14 @@ ATTITUDES = ("six_position", "multi_position", "reference_motion")
 def segment_session(samples, kind, settings, rails=None, stuck=()):
     """Return the table of segments of a session, and metadata.
 
-    The segments are static, motion, disturbed or gap. Every instant from the first sample to one
-    step after the last belongs to exactly one of them.
+    A segment is static, motion, disturbed or a gap. Every instant from the first sample to one step
+    after the last belongs to exactly one segment.
 
     - In a static session, a rest is a range without a disturbance and without a slow tilt. If the
       device moves most of the time, rests are found as in other sessions.
-    - In other sessions, rests are found by the static detector; ranges that turn slowly or tremble
-      are removed. Rests in the hand are added if they improve the calibration.
-    - A rest with a clipped specific force is disturbed.
+    - In other sessions, rests are found by the static detector; ranges in which the device turns
+      slowly or trembles are removed. Rests in the hand are added if they improve the calibration.
+    - In a session of attitudes, a rest with a clipped specific force is disturbed.
     - A gap lasts from one step after a sample to the next sample, or as long as a channel is stuck
       at one value.
 
@@ -78,13 +78,13 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     Returns
     -------
     DataFrame
-        Start and end, s, kind, pose, number of samples, tilt, and mean and standard deviation of
-        each channel, of each segment.
+        For each segment its start and end, s, kind, pose, number of samples, tilt, and mean and
+        standard deviation of each channel.
     dict
-        The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
-        numbers of rests that are too short for the settings, ``short_rests``, are clipped,
-        ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
-        ``shorter`` settings that were used instead, or None.
+        ``poses``: the number of poses. For a static session also ``slow_tilts``, their number. For
+        other sessions also numbers of rests: ``short_rests`` are too short for the settings,
+        ``railed_rests`` are clipped, ``tilted_rests`` tilt. ``hand_held`` is whether some are in
+        the hand, and ``shorter`` has the shorter settings that were used instead, or is None.
     """
     rows = Samples(samples)
     # ranges of samples between long gaps, and the same without the spans that are stuck
@@ -129,17 +129,22 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 
 
 def _divide(rows, step, whole, stretches, rests, kinds, others):
-    """Return the table of the segments into which rests divide a session, a DataFrame.
+    """Return the table of the segments into which its rests divide a session, a DataFrame.
 
     Parameters
     ----------
-    rows, step : Samples, float
-        The samples of the session, and the median time step, s.
-    whole, stretches : ndarray of int, shape (k, 2), (l, 2)
-        Ranges of samples between long gaps, and the same without the spans in which a channel is
-        stuck, which are gaps, too.
-    rests, kinds : ndarray, shape (m, 2), (m,)
-        Ranges of samples of the rests, which lie within the stretches, and the kind of each.
+    rows : Samples
+        The samples of the session.
+    step : float
+        Median time step, s.
+    whole : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
+    stretches : ndarray of int, shape (l, 2)
+        The same without the spans in which a channel is stuck, which are gaps, too.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples of the rests, which lie within the stretches.
+    kinds : ndarray of str, shape (m,)
+        Kind of each rest: static, or disturbed if it is clipped.
     others : str
         Kind of the segments between the rests.
     """
@@ -163,12 +168,21 @@ def _divide(rows, step, whole, stretches, rests, kinds, others):
 
 
 def _between_disturbances(rows, stretches, step, settings):
-    """Return the ranges of rows without a disturbance, (k, 2).
+    """Return the ranges of rows in which a device at rest is not disturbed, (k, 2).
 
-    Takes Samples, the ranges of rows to search, (m, 2), the median time step, s, and
-    SegmentSettings. If the sensors have two clocks, the rows repeat each sample of the slower
-    sensor, which would change its noise. The search then uses one value for each of these samples:
-    the mean of the rows that hold it.
+    If the sensors have two clocks, several rows repeat a sample of the slower sensor, which changes
+    its noise. The search then uses one value for each of these samples: the mean of the rows that
+    hold it.
+
+    Parameters
+    ----------
+    rows : Samples
+        The samples of the session.
+    stretches : ndarray of int, shape (m, 2)
+        Ranges of rows that are searched.
+    step : float
+        Median time step, s.
+    settings : SegmentSettings
     """
     x = rows.read(CHANNELS, 0, len(rows))
     stamps = next((name for name in OWN_TIME.values() if name in rows), None)
@@ -184,16 +198,30 @@ def _between_disturbances(rows, stretches, step, settings):
 
 
 def _find_rests(rows, stretches, step, settings):
-    """Return the rests of a session, (m, 2), the tilt within each, rad, (m,), and the metadata.
+    """Return the rests of a moving session, (m, 2), the tilt in each, rad, (m,), and metadata.
 
-    Takes Samples, the ranges of rows between long gaps, the time step, s, and SegmentSettings. If
-    rests in fewer than `ENOUGH` attitudes are found, and at least `LEAST_SHORT` still stretches are
-    too short to be rests, the search is repeated with shorter durations. Its rests are used if they
-    have enough attitudes.
+    If the rests have fewer than `ENOUGH` attitudes, and at least `LEAST_SHORT` still stretches were
+    too short to be rests, the search is repeated with shorter durations. The rests of the second
+    search are used if they have enough attitudes.
 
-    The metadata are the numbers of ``short_rests``, stretches that are too short to be rests, and
-    of ``tilted_rests``; whether some rests are ``hand_held``; and the ``shorter`` durations that
-    were used, or None.
+    Parameters
+    ----------
+    rows : Samples
+        The samples of the session.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of rows between long gaps.
+    step : float
+        Median time step, s.
+    settings : SegmentSettings
+
+    Returns
+    -------
+    rests, tilt : ndarray, shape (m, 2), (m,)
+        Ranges of rows, and the tilt in each, rad; 0 if it is not significant.
+    metadata : dict
+        ``short_rests``: number of still stretches that are too short to be rests. ``tilted_rests``:
+        number of rests with a tilt. ``hand_held``: whether some rests are in the hand. ``shorter``:
+        the shorter durations that were used, or None.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
@@ -209,23 +237,24 @@ def _find_rests(rows, stretches, step, settings):
 
 
 def _choose_rests(log, settings):
-    """Return the rests that give the best calibration of a session.
+    """Return the rests of a session with which the calibration is expected to be best.
 
-    Steady rests, without the parts that turn slowly or tremble, are preferred. All rests are used
-    if the steady ones are too few: if the expected error of a calibration is then `DEAREST` times
-    as large. Rests in the hand are added if they reduce the expected error.
+    Steady rests are preferred: rests without the parts in which the device turns slowly or
+    trembles. All rests are used if the steady ones are too few, that is, if the expected error of a
+    calibration with them is more than `DEAREST` times as large as with all rests. Rests in the hand
+    are added if they reduce the expected error to less than the share `WORTH_HOLDING` of it.
 
     Parameters
     ----------
     log : tuple
-        Specific force, m/s², and angular rate, rad/s, (3, n), the ranges of samples between long
-        gaps, (k, 2), and the time step, s.
+        Specific force, m/s², (3, n), angular rate, rad/s, (3, n), the ranges of samples between
+        long gaps, (k, 2), and the time step, s.
     settings : SegmentSettings
 
     Returns
     -------
     rests, tilt : ndarray, shape (m, 2), (m,)
-        Ranges of samples, and the tilt within each, rad.
+        Ranges of samples, and the tilt in each, rad.
     in_hand : bool
         Whether some are in the hand.
     short : int
@@ -253,14 +282,26 @@ def _choose_rests(log, settings):
 
 
 def _detect(log, settings):
-    """Return the rests of a session, their steady parts, the bias, and the number of short ones.
+    """Return all rests of a session, the steady rests, the bias, and the number of short stretches.
 
-    A rest is a range of samples, (m, 2), in which the variances of both sensors are near their
-    levels at rest and the angular rate is near a bias. Its steady parts, (l, 2), are those in which
-    the device, besides, neither turns slowly nor trembles. The bias of the gyroscope, rad/s, (3,),
-    is its median rate at rest. The last result is the number of still stretches that are too short
-    to be rests. `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges
-    between long gaps, (k, 2), and the time step, s.
+    Parameters
+    ----------
+    log : tuple
+        Specific force, m/s², (3, n), angular rate, rad/s, (3, n), the ranges of samples between
+        long gaps, (k, 2), and the time step, s.
+    settings : SegmentSettings
+
+    Returns
+    -------
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples in which the variances of both sensors are near their levels at rest and
+        the angular rate is near a bias.
+    steady : ndarray of int, shape (l, 2)
+        The same without the parts in which the device turns slowly or trembles.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope: the median of the angular rate at rest, rad/s.
+    short : int
+        Number of still stretches that are too short to be rests.
     """
     f, w, stretches, step = log
     windows = activity(f, w, stretches, max(2, round(settings.window_s / step)))

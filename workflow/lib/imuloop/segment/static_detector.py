@@ -42,16 +42,23 @@ class Activity:
     window: int  # length of the window, samples
 
     def within(self, multiples):
-        """Return whether both variances are at most `multiples`, a pair, of their levels, (n,)."""
+        """Return where the variances of both sensors are small, a mask, (n,).
+
+        `multiples` is a pair, for accelerometer and gyroscope: the largest ratio of the variance to
+        its level at rest.
+        """
         return np.all(self.variances <= np.reshape(multiples, (2, 1)), axis=0)
 
     def away(self, biases):
-        """Return the distance of the mean rate from the nearest of biases, (k, 3), rad/s, (n,)."""
+        """Return the distance of the mean angular rate from the nearest of k biases, rad/s, (n,).
+
+        `biases` are the biases of the gyroscope, rad/s, (k, 3).
+        """
         return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
 
 
 def activity(force, rate, stretches, window):
-    """Return the Activity of a session.
+    """Return the Activity of a session, by which rests are told from motion.
 
     The level of a sensor at rest is the 5 % quantile of its variance over all windows, but not less
     than the variance of rounding. It is correct if at least a tenth of the log is at rest. No
@@ -59,8 +66,10 @@ def activity(force, rate, stretches, window):
 
     Parameters
     ----------
-    force, rate : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
+    force : ndarray, shape (3, n)
+        Specific force, m/s².
+    rate : ndarray, shape (3, n)
+        Angular rate, rad/s.
     stretches : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.
     window : int
@@ -88,9 +97,19 @@ def activity(force, rate, stretches, window):
 def moves(rows, stretches, step, settings):
     """Return whether the device moves most of the time in a session that should be at rest.
 
-    The device does so if most windows differ from the next one by more than `rate_tolerance` in the
-    mean angular rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples,
-    the ranges between long gaps, (k, 2), the median time step, s, and SegmentSettings.
+    Each window of `window_s` is compared with the next. The device moves if in most of these pairs
+    the mean angular rates differ by more than `rate_tolerance`, or the mean specific forces by more
+    than `FORCE_TOLERANCE`.
+
+    Parameters
+    ----------
+    rows : Samples
+        The samples of the session.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
+    step : float
+        Median time step, s.
+    settings : SegmentSettings
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
     first, _, means = block_means(rows, stretches, width)
@@ -103,13 +122,14 @@ def moves(rows, stretches, step, settings):
 
 
 def rates_at_rest(windows, settings):
-    """Return a list of one or two biases of the gyroscope at rest, rad/s, (3,) each.
+    """Return the bias of the gyroscope, or both biases if it jumps: a list of vectors, rad/s, (3,).
 
-    The first is the median rate of all quiet windows. There is a second bias if the bias jumps:
-    then the quiet windows whose rate differs from the first bias by more than `rate_tolerance`
-    belong to several rests, and nearly all have the same rate. Slow turns also have other rates,
-    but each turn has a different one. `windows` is the Activity, the variances and mean rates in
-    windows, and `settings` are the SegmentSettings.
+    The first bias is the median angular rate of all quiet windows. Quiet windows whose rate differs
+    from it by more than `rate_tolerance` have a second bias if two conditions hold: they belong to
+    `RESTS_OF_A_BIAS` rests or more, and nearly all of them have the same rate. Slow turns also have
+    other rates, but each turn has a different one.
+
+    `windows` is the Activity of the session, and `settings` are SegmentSettings.
     """
     quiet = np.flatnonzero(windows.within(QUIET))
     first = np.median(windows.rate[:, quiet], axis=1) if len(quiet) else np.zeros(3)
@@ -123,20 +143,20 @@ def rates_at_rest(windows, settings):
 
 
 def detect_rests(still, stretches, step, settings):
-    """Return the rests of a session, (m, 2), and the number of those dropped as too short.
+    """Return the rests of a session, (m, 2), and the number of still stretches that are too short.
 
-    A rest is a range of samples that are still. Its ends are trimmed if they touch motion.
+    A rest is a range of still samples. Each end that touches motion is trimmed by `TRIM_S`.
 
     Parameters
     ----------
     still : ndarray of bool, shape (n,)
         Whether each sample is still: the variances of both sensors are within multiples of their
-        level, and the mean rate is within `rate_tolerance` of the bias. Only the mean rate shows a
-        slow turn about the vertical.
+        levels at rest, and the mean rate is within `rate_tolerance` of the bias. Only the mean rate
+        shows a slow turn about the vertical.
     stretches : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.
     step : float
-        Time step, s.
+        Median time step, s.
     settings : SegmentSettings
     """
     trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
@@ -150,28 +170,36 @@ def detect_rests(still, stretches, step, settings):
 
 
 def long_enough(rests, shortest, step):
-    """Return whether each rest lasts at least `shortest`, s, and has enough samples, (m,)."""
+    """Return which rests are long enough, a mask, (m,).
+
+    `rests`, (m, 2), are their ranges of samples. A rest has to last `shortest` seconds and to have
+    `FEWEST_SAMPLES` samples. `step` is the time step, s.
+    """
     samples = lengths(rests)
     return (samples * step >= shortest - step / 2) & (samples >= FEWEST_SAMPLES)
 
 
 def widen_rests(f, w, rests, stretches, step):
-    """Return the rests, (m, 2), extended as far as short means of both sensors agree with them.
+    """Return the rests, (m, 2), extended on both sides as far as the device is still.
 
-    The detector ends a rest half the length of its window early. Outward from each end, means of
-    both sensors over `EDGE_S` are compared with the mean of the rest. They agree if the sum of the
-    squared differences of the three axes, over the variance of such a mean, is below the quantile
-    of χ² that noise exceeds once in 100,000. The last `EDGE_S` before the first mean that does not
-    agree are left out.
+    The detector ends a rest half a window too early. So, outward from each end, means of both
+    sensors over `EDGE_S` are compared with the mean of the rest. A mean agrees if the squared
+    difference, summed over the three axes and divided by the variance of such a mean, is below the
+    quantile of χ² that noise exceeds once in 100,000. The new end lies `EDGE_S` before the first
+    mean that does not agree.
 
     Parameters
     ----------
-    f, w : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
-    rests, stretches : ndarray of int, shape (m, 2), (k, 2)
-        Ranges of samples of the rests, and between long gaps.
+    f : ndarray, shape (3, n)
+        Specific force, m/s².
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples of the rests.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
     step : float
-        Time step, s.
+        Median time step, s.
     """
     width = max(round(EDGE_S / step), 1)
     # half of the mean that disagrees, and the samples that are left out before it

@@ -25,19 +25,17 @@ SCALES = 8
 
 
 def unsteady_samples(w, rests, step, settings):
-    """Return a mask of the samples of rests in which the device turns slowly or trembles, (n,).
+    """Return at which samples of rests the device turns slowly or trembles, a mask, (n,).
 
-    Each rest is divided into parts of at most `PART` seconds.
+    Each rest is divided into parts of at most `PART` seconds. A slow turn about the vertical does
+    not change the specific force, and its mean rate cannot be told from a bias or a g-sensitivity.
+    So only changes within a part count: the mean angular rate over a window, minus the median of
+    these means over the part. A tremor shows in short windows, a slow turn in long ones.
 
-    A slow turn about the vertical does not change the specific force, and its mean rate cannot be
-    told from a bias or a g-sensitivity. So only changes within a rest count: the mean angular rate
-    over a window, minus the median of these means over the part. A tremor shows in short
-    windows, a slow turn in long ones.
-
-    The means over windows of one length are compared with their own covariance over all rests, by
-    Hotelling's T² with one degree of freedom less for each median. Each length has its own
-    covariance, so that coloured noise is allowed for. The lengths go up to a third of a part. An
-    eighth of `window_s` before and after a marked window is marked as well.
+    The windows have many lengths, up to a third of a part. The means over windows of one length are
+    compared with their own covariance over all rests, so that coloured noise is allowed for. The
+    test is Hotelling's T², with one degree of freedom less for each median. An eighth of `window_s`
+    before and after a marked window is marked as well.
 
     The covariance is correct if the device is in the hand for less than half of the time at rest.
     In a session of Gaussian noise, the probability that any sample is marked is `false_alarm`; it
@@ -48,7 +46,7 @@ def unsteady_samples(w, rests, step, settings):
     w : ndarray, shape (3, n)
         Angular rate, rad/s.
     rests : ndarray of int, shape (m, 2)
-        Ranges of samples at rest.
+        Ranges of samples of the rests.
     step : float
         Median time step, s.
     settings : SegmentSettings

@@ -1,4 +1,4 @@
-"""Tilts of a device that should rest: the direction of gravity turns with the gyroscope."""
+"""Tilts of a device that should rest: gravity changes its direction as the gyroscope says."""
 
 import numpy as np
 
@@ -28,22 +28,23 @@ SURE = 3.0
 
 
 def tilts(rows, ranges, step):
-    """Return the ranges of samples in which the device tilted slowly, (k, 2).
+    """Return the ranges of samples in which a device that should rest tilts slowly, (k, 2).
 
     Both sensors see a tilt. Let u be the specific force in units of its magnitude, r the angular
-    rate and b the gyroscope's bias. A tilt turns u by du/dt = u × (r - b). A drift of the
-    accelerometer's bias changes u as well, but does not change r. So u is compared with the turn by
-    the gyroscope, ∫ u × (r - b) dt, in windows of all lengths. A window shows a tilt if u changes
-    by at least `LEAST`, and if the changes of u less the turn are small compared with those of u.
+    rate and b the bias of the gyroscope. A tilt turns u by du/dt = u × (r - b). A drift of the
+    accelerometer's bias changes u as well, but does not change r. So the change of u is compared
+    with the turn that the gyroscope shows, ∫ u × (r - b) dt, in windows of all lengths. A window
+    shows a tilt under two conditions: u changes by at least `LEAST`; and the change of u minus the
+    turn is at most the share `MOST_LEFT` of the change of u, in root mean squares.
 
     The comparison is made in two ways. First, the best line is subtracted from both, which removes
     any bias: this shows tilts that start or end in the window. Second, only the mean is subtracted,
     and b is the median rate: this shows steady tilts. Tilts slower than the drift of b are not
-    seen. A ramp of the temperature that moves both biases is not taken for a tilt, because it makes
-    the turn of the gyroscope quadratic in time and u linear.
+    seen. A ramp of the temperature that changes both biases is not taken for a tilt, because it
+    makes the turn quadratic in time and u linear.
 
-    If windows of several lengths show a tilt, the shortest one is used. The result has the part of
-    each such window in which u changes.
+    If windows of several lengths show a tilt, the shortest is used. The result has the part of each
+    such window in which u changes.
 
     Parameters
     ----------
@@ -75,11 +76,12 @@ def tilts(rows, ranges, step):
 
 
 def _find_windows(u, turned):
-    """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
+    """Return the shortest windows of blocks in which u turns as the gyroscope says, (k, 2).
 
-    Takes the direction u of specific force in n blocks, and the change of u that the gyroscope
-    shows, `turned`, rad, (n, 3) each. They are compared twice: after subtracting the best line from
-    both, and after subtracting the mean. Windows that overlap are merged.
+    `u`, (n, 3), is the direction of specific force in n blocks of samples. `turned`, (n, 3), is the
+    change of u since the first block by the gyroscope, rad. u and `turned` are compared twice:
+    after the best line is subtracted from both, and after only the mean is subtracted. Windows that
+    overlap are merged.
     """
     chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
@@ -107,10 +109,11 @@ def _find_windows(u, turned):
 
 
 def _changing_part(u):
-    """Return the range of blocks, (2,), in which u, (n, 3), goes from its first to its last value.
+    """Return the range of blocks, (2,), in which u changes from its first to its last value.
 
-    The range starts where the distance of u from the first value exceeds `LEAST` / 2, and ends
-    where its distance from the last value falls below `LEAST` / 2.
+    `u`, (n, 3), is the direction of specific force in n blocks. The range starts where u is more
+    than `LEAST` / 2 away from its first value, and ends where u is less than `LEAST` / 2 away from
+    its last value.
     """
     # blocks after u has left the first value, and before it reaches the last
     has_left, is_before = (np.linalg.norm(u - x, axis=1) > LEAST / 2 for x in (u[0], u[-1]))
@@ -119,29 +122,25 @@ def _changing_part(u):
 
 
 def without_tilts(f, w, rests, bias, step):
-    """Return rests without the ends in which the device tilts, and the tilt of each, rad.
+    """Return rests without ends in which the device tilts, (m, 2), and their tilts, rad, (m,).
 
-    A rest is cut to its longest stretch of parts without a tilt if no more than `CUT` of it is
-    lost. Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but
-    not the norm; the tilt of such a rest is the root mean square over its parts.
+    Each rest is divided into parts. It is cut to its longest stretch of parts without a tilt, if
+    that removes at most the share `CUT` of it; its tilt is then 0. Otherwise the rest is kept as it
+    is, because a tilt changes the direction of gravity but not the norm. Its tilt is then the root
+    mean square over its parts.
 
     Parameters
     ----------
-    f, w : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
+    f : ndarray, shape (3, n)
+        Specific force, m/s².
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
     rests : ndarray of int, shape (m, 2)
-        Ranges of samples.
+        Ranges of samples of the rests.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     step : float
-        Time step, s.
-
-    Returns
-    -------
-    ndarray of int, shape (m, 2)
-        Ranges of samples of the rests, cut or as they were.
-    ndarray, shape (m,)
-        Tilt within each of them, rad.
+        Median time step, s.
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
@@ -156,37 +155,39 @@ def without_tilts(f, w, rests, bias, step):
 
 
 def rest_tilts(f, w, rests, bias, step):
-    r"""Return, for each rest, its parts, (k, 2), and the tilt in each part, rad, (k,).
+    r"""Return for each rest its parts, (k, 2), and the tilt in each part, rad, (k,), as a list.
 
-    The noise of the two sensors is independent, but both see a tilt, such as on a soft surface or
-    in a hand. Let y be the change of the direction of specific force from its mean over a part, and
-    x the change that the gyroscope shows. A device that lies still has y = 0, and a device that
-    tilts y = x, but for the noise σ of the accelerometer. The logarithm of the ratio of their
-    likelihoods, the second over the first, is
+    A device may tilt during a rest on a soft surface or in a hand. The noise of the two sensors is
+    independent, but both see a tilt. Let y be the direction of specific force minus its mean over a
+    part, and x the same by the gyroscope, both in blocks of `SHORT_BLOCK` seconds. But for the
+    noise of the accelerometer, y = 0 if the device lies still, and y = x if it tilts. The logarithm
+    of the likelihood ratio, tilting over still, is
 
-    .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2,
+    .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2.
 
-    where y and x are means over blocks of `SHORT_BLOCK` seconds, and σ is of such means. If the
-    device lies still, this exceeds log(1/p) with a probability below p, whatever the
-    gyroscope shows (Markov's inequality). A part tilts if it exceeds log(n / `FALSE_ALARM`) with
-    the n parts of a session. Since an accelerometer may drift, the gyroscope also has to explain
-    the share `SHARE` of the part of y that is not noise.
+    The sum is over the blocks of the part, and σ is the standard deviation of the noise of y. If
+    the device lies still, the logarithm exceeds log(1/p) with a probability below p, whatever the
+    gyroscope shows (Markov's inequality). A part tilts if it exceeds log(n / `FALSE_ALARM`), with n
+    parts in the session. Since an accelerometer may drift, the gyroscope also has to explain the
+    share `SHARE` of the square of y, without noise.
 
-    If some parts of a session tilt, others are more likely to tilt as well. So the limit becomes
-    log((1 - q)/q), by the share q of parts that tilt, among the first parts of all rests or among
-    the others. A part within a rest needs odds of at least 20 to 1. The tilt of a part is 0 if it
-    lies still, else the root mean square of x.
+    If some parts of a session tilt, others are more likely to tilt as well. So the limit is then
+    lowered to log((1 - q)/q), where q is the share of parts that tilt. The first parts of all rests
+    have one q, and the other parts have another. For the other parts the limit is never below
+    `SURE`. The tilt of a part is 0 if it lies still, else the root mean square of x.
 
     Parameters
     ----------
-    f, w : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
+    f : ndarray, shape (3, n)
+        Specific force, m/s².
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
     rests : ndarray of int, shape (m, 2)
-        Ranges of samples.
+        Ranges of samples of the rests.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     step : float
-        Time step, s.
+        Median time step, s.
     """
     if not len(rests):
         return []
@@ -219,24 +220,26 @@ def rest_tilts(f, w, rests, bias, step):
 
 
 def _block_changes(f, w, first, last, bias, width, step):
-    """Return the changes of gravity's direction in the b blocks of a range, rad, (b, 3) each.
+    """Return the change of gravity's direction by each sensor in b blocks, rad, (b, 3) each.
 
     The first is the change by the accelerometer, the second by the gyroscope, both relative to
-    their mean over the range. With the mean direction ū and the rotation δ, the integral of the
-    angular rate less its bias, the second is ``ū × (δ - δ̄)``.
+    their mean over the range. The second is ``ū × (δ - δ̄)``, with the mean direction ū of specific
+    force, and the integral δ of the angular rate less its bias, whose mean is δ̄.
 
     Parameters
     ----------
-    f, w : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
+    f : ndarray, shape (3, n)
+        Specific force, m/s².
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
     first, last : int
-        Range of samples, half-open.
+        Half-open range of samples that is divided into blocks.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     width : int
         Samples in a block.
     step : float
-        Time step, s.
+        Median time step, s.
     """
     blocks = divided(first, last, (last - first) // width) - first
     rotation = np.cumsum((w[:, first:last].T - bias) * step, axis=0)

@@ -1,4 +1,4 @@
-"""Windows: sliding mean and variance in time proportional to the number of samples."""
+"""Means and variances in sliding windows, and means over blocks of samples."""
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -10,11 +10,11 @@ DECIDING = 1_000_000
 
 
 def sliding_statistics(x, n):
-    """Return mean and variance in the window of `n` samples about each sample of x, (m, …) each.
+    """Return the mean and the variance in a window of `n` samples about each sample, both (m, …).
 
-    x has m samples, at least n. Within half a window of either end, the first or the last window is
-    used. The variance is the mean of x² less the square of the mean of x; the median is subtracted
-    from x first, so that rounding does not matter.
+    `x`, (m, …), has m samples, at least n. Within half a window of either end, the first or the
+    last whole window is used. The variance is the mean of x² less the square of the mean of x; the
+    median is subtracted from x first, so that rounding does not matter.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -30,17 +30,17 @@ def sliding_statistics(x, n):
 
 
 def block_means(rows, ranges, width):
-    """Return the means of all channels over consecutive blocks of `width` samples within ranges.
+    """Return the means of all channels over blocks of `width` consecutive samples.
 
-    Takes Samples and ranges of rows, (m, 2). Samples at the end of a range that fill no block do
-    not count.
+    `rows` are Samples, and `ranges`, (m, 2), are ranges of their rows that are divided into blocks.
+    Samples at the end of a range that do not fill a block are left out.
 
     Returns
     -------
     first : ndarray of int, shape (k,)
-        First row of each block.
+        First row of each of the k blocks.
     blocks : ndarray of int, shape (m, 2)
-        Range of the blocks of each range of rows.
+        For each range, the index of its first block, and of the block after its last.
     means : ndarray, shape (k, 6)
         Means, SI.
     """
@@ -55,10 +55,10 @@ def block_means(rows, ranges, width):
 def rounding_variance(x):
     """Return the variance that rounding adds to one axis of a sensor, a float.
 
-    Takes the m samples of the three axes of the sensor, x, (m, 3). The variance is a twelfth of the
-    squared resolution. The resolution is the smallest step between the first million samples that
-    is larger than the rounding of their number format. If the values never change, there is no such
-    step; the result is then 1, as any positive variance will do.
+    It is a twelfth of the squared resolution. `x`, (m, 3), are the samples of the three axes. The
+    resolution is the smallest step between two consecutive samples that is not due to their number
+    format. Only the first million samples are searched. If the values never change, the resolution
+    is not known; the result is then 1, as any positive variance will do.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)

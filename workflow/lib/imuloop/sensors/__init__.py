@@ -1,4 +1,4 @@
-"""Data sheets of common sensors: ranges, scales, noise densities and tolerances for a prior."""
+"""Data sheets of common sensors: ranges, scales, noise densities and tolerances."""
 
 from imuloop.sensors.data_sheets import (
     GENERIC as GENERIC,

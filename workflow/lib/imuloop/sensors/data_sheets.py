@@ -1,4 +1,4 @@
-"""Loader of the table of sensors, ``sensors.yaml``."""
+"""The table of sensors, ``sensors.yaml``, as data sheets in SI."""
 
 import re
 from dataclasses import dataclass
@@ -71,14 +71,14 @@ LARGEST = Tolerance(0.5, 0.5, 100.0)
 
 @dataclass(frozen=True)
 class Range:
-    """One range of a sensor.
+    """One measuring range of a sensor.
 
     Attributes
     ----------
     name : str
         Full scale with its unit, such as ``16 g``.
     full_scale : float
-        Largest value that the sheet covers, m/s^2 or rad/s.
+        Largest value that the range covers by the data sheet, m/s^2 or rad/s.
     scale : float
         m/s^2 or rad/s per count.
     noise_density : float or None
@@ -93,12 +93,14 @@ class Range:
 
 @dataclass(frozen=True)
 class SensorFigures:
-    """Figures of one accelerometer or gyroscope, SI.
+    """Figures of the accelerometer or of the gyroscope of a part, SI.
 
     Attributes
     ----------
-    source, evidence : str
-        Document that gives the figures; ``data sheet`` or ``driver``.
+    source : str
+        Document that has the figures.
+    evidence : str
+        Kind of the document: ``data sheet`` or ``driver``.
     ranges : tuple of Range
         From the smallest full scale to the largest.
     tolerance : Tolerance
@@ -112,14 +114,18 @@ class SensorFigures:
 
     @property
     def noise_density(self):
-        """Typical white noise, SI per √Hz; None if not known or not the same for all ranges."""
+        """Typical white noise, SI per √Hz; None if not known or different between ranges."""
         densities = {one_range.noise_density for one_range in self.ranges}
         return densities.pop() if len(densities) == 1 else None
 
 
 @dataclass(frozen=True)
 class DataSheet:
-    """A part of the table; its `accelerometer` or `gyroscope` is None if it does not have one."""
+    """The data sheet of one part of the table, with an accelerometer, a gyroscope or both.
+
+    `key` is the name of the part in the table, and `label` its name for people. `accelerometer` or
+    `gyroscope` is None if the part does not have it.
+    """
 
     key: str
     label: str
@@ -128,15 +134,15 @@ class DataSheet:
     gyroscope: SensorFigures | None
 
     def choose_range(self, quantity, full_scale=None):
-        """Return the Range of a quantity with a full scale.
+        """Return the Range with a full scale.
 
         Parameters
         ----------
         quantity : str
             ``acceleration`` or ``angular_rate``.
         full_scale : str or float, optional
-            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. It is not needed if
-            there is a single range.
+            A text with a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. It is not
+            needed if the sensor of the quantity has a single range.
 
         Raises
         ------
@@ -167,21 +173,17 @@ def sensor_names():
 
 
 def find_sensor(name):
-    """Return the data sheet of a sensor.
+    """Return the DataSheet of a sensor in the table.
 
-    A tolerance becomes a standard deviation as follows. A typical figure counts as one standard
-    deviation. A maximum is the half-width of a rectangular distribution, which has the standard
-    deviation maximum/√3. If the sheet has both, the larger standard deviation counts. No standard
-    deviation is below `FLOOR`. A figure that the sheet lacks is taken from `GENERIC`.
+    Its tolerances are standard deviations. A typical figure of the sheet counts as one standard
+    deviation. A maximum counts as the half-width of a rectangular distribution, whose standard
+    deviation is maximum/√3. If the sheet has both, the larger one counts. No standard deviation is
+    below `FLOOR`. If the sheet lacks a figure, it is taken from `GENERIC`.
 
     Parameters
     ----------
     name : str
         Key, label or alias; case and punctuation do not matter.
-
-    Returns
-    -------
-    DataSheet
 
     Raises
     ------
@@ -222,10 +224,10 @@ def _plain(name):
 
 
 def _figures(sensor, part):
-    """Return the SensorFigures of one accelerometer or gyroscope, by a data sheet.
+    """Return the SensorFigures of one sensor from its entry in the table.
 
-    `sensor` is ``accelerometer`` or ``gyroscope``, and `part` its figures in the table of sensors,
-    a dict. A key of this dict ends with a unit, such as ``full_scale_g``.
+    `sensor` is ``accelerometer`` or ``gyroscope``. `part` is the entry, a dict whose keys end with
+    a unit, such as ``full_scale_g``.
     """
     full_scales, to_si, unit = _find(part, "full_scale_{}")
     # a sheet gives counts per unit, or units per count, for each range
@@ -255,17 +257,18 @@ def _figures(sensor, part):
 
 
 def _deviation(part, pattern, sensor, parameter):
-    """Return the standard deviation, SI, of a parameter of a sensor by its data sheet.
+    """Return the standard deviation of a parameter of a sensor by its data sheet, SI.
 
-    A typical figure counts as one standard deviation, a maximum as √3 standard deviations; the
-    larger counts, but no less than `FLOOR`. A figure that the sheet lacks is taken from `GENERIC`.
+    A typical figure counts as one standard deviation, a maximum as √3 standard deviations. The
+    larger result counts, but not less than `FLOOR`. If the sheet lacks the figure, it is taken from
+    `GENERIC`.
 
     Parameters
     ----------
     part : dict
-        Figures of the sensor in the table.
+        Entry of the sensor in the table.
     pattern : str
-        Key there, with braces for the unit, such as ``zero_offset_{}``.
+        Key in it, with braces for the unit, such as ``zero_offset_{}``.
     sensor : str
         ``accelerometer`` or ``gyroscope``.
     parameter : str
@@ -279,10 +282,11 @@ def _deviation(part, pattern, sensor, parameter):
 
 
 def _find(part, pattern):
-    """Return the value of a key that holds its unit, the SI value of this unit, and the unit.
+    """Return the value of a key that ends with its unit, the SI value of this unit, and the unit.
 
-    `part` is a dict of the table of sensors, and `pattern` the key with braces for the unit, such
-    as ``full_scale_{}`` for ``full_scale_g``. The value is None if no such key is in the dict.
+    `part` is an entry of the table of sensors, a dict. `pattern` is the key with braces for the
+    unit, such as ``full_scale_{}`` for ``full_scale_g``. The value is None if the dict has no such
+    key.
     """
     for unit, factor in _UNITS.items():
         if (key := pattern.format(unit)) in part:

@@ -1,4 +1,4 @@
-"""Figures of a device that are known before its logs are read: by data sheet and declaration."""
+"""Figures of a device that are known before its logs are read, by data sheet and config."""
 
 from dataclasses import asdict
 
@@ -7,7 +7,7 @@ from imuloop.sensors.data_sheets import GENERIC, PARTS, find_sensor
 
 
 def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
-    """Return the scales, full scales, tolerances and noise densities of a device.
+    """Return the scales, full scales, tolerances and noise densities of a device, a dict.
 
     Parameters
     ----------
@@ -20,11 +20,12 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     Returns
     -------
     dict
-        ``nominal``: by quantity, the ``scale`` and ``offset`` of counts, SI; if a range has to be
-        chosen and is not, the names of all ``ranges`` instead of the scale of the data sheet.
-        ``full_scale``: by quantity, SI. ``tolerances``: the fields of a `Tolerance`, by
-        ``accelerometer`` and ``gyroscope``. ``data_sheet``: the name of the ``sensor``, and its
-        typical ``noise``, SI per √Hz, by ``accelerometer`` and ``gyroscope``; empty without a name.
+        ``nominal``: by quantity, the ``scale`` of counts, SI per count, and their ``offset``,
+        counts. If the sensor has several ranges and none was chosen, the names of its ``ranges``
+        replace the scale. ``full_scale``: by quantity, SI. ``tolerances``: by ``accelerometer`` and
+        ``gyroscope``, the fields of a `Tolerance`. ``data_sheet``: the name of the ``sensor``, and
+        its typical ``noise``, SI per √Hz, by ``accelerometer`` and ``gyroscope``; empty without a
+        sensor.
 
     Raises
     ------

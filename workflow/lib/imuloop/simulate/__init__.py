@@ -1,1 +1,1 @@
-"""From a known truth to a raw log."""
+"""Simulation: from the known truth of a device to a raw log."""

@@ -1,4 +1,4 @@
-"""The course of a session: which rests and moves it is made of."""
+"""The course of a session: the rests and moves that it consists of."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,18 +16,18 @@ HAND = {"wobble": 5 * DEGREE, "tremor": 0.15 * DEGREE, "shake": 0.8}
 
 
 def spread(n, rng):
-    """Return `n` unit vectors evenly spread over the sphere, turned and ordered at random, (n, 3).
+    """Return `n` unit vectors evenly spread over the sphere, (n, 3), in random order.
 
-    `rng` is a source of random numbers, a numpy Generator.
+    The whole set is turned at random. `rng` is a numpy Generator, the source of random numbers.
     """
     return rng.permutation(Rotation.random(rng=rng).apply(fibonacci_lattice(n)))
 
 
 def tilted(directions, degrees, rng):
-    """Return unit vectors, (n, 3), tilted at random.
+    """Return n unit vectors, (n, 3), each tilted at random.
 
-    `degrees` is the standard deviation of the tilt about each of two axes. Takes the n directions,
-    (n, 3), and a source of random numbers, a numpy Generator.
+    `directions`, (n, 3), are the vectors before the tilt, and `degrees` is the standard deviation
+    of the tilt about each of two axes. `rng` is a numpy Generator, the source of random numbers.
     """
     tilt = rng.standard_normal(directions.shape) * degrees * DEGREE
     vectors = directions + np.cross(tilt, directions)
@@ -35,11 +35,11 @@ def tilted(directions, degrees, rng):
 
 
 def poses(session, rate, rng):
-    """Return the pieces of a six- or multi-position session, and the upward body axis at its start.
+    """Return the pieces of a six- or multi-position session, and its first upward axis.
 
-    The pieces are a list of Pieces, rests and moves by turns; the axis is a unit vector, (3,).
-    `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a source of random numbers,
-    a numpy Generator.
+    The pieces are a list of Piece, rests and moves by turns. The upward axis is the upward
+    direction on body axes at the start, a unit vector, (3,). `session` is a SessionTruth, `rate`
+    the sampling rate, Hz, and `rng` a numpy Generator, the source of random numbers.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -58,7 +58,7 @@ def poses(session, rate, rng):
         return round(rng.uniform(*span) * rate)
 
     def random_rest(pose):
-        """Return a rest of random duration in a pose, which vibrates if the motor runs then."""
+        """Return a rest of random duration in a pose; it vibrates if the motor runs then."""
         n, vibration = samples(session.rest_s), None
         if pose in shaken:
             rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
@@ -83,14 +83,16 @@ def poses(session, rate, rng):
 
 
 def at_rest(session, rate, rng):
-    """Return the pieces of a static session, and the upward direction on body axes at its start.
+    """Return the pieces of a static session, and the upward direction at its start, (3,).
 
-    The pieces are a list of Pieces: rests, and the disturbances between them. A knock is a short
-    burst of acceleration. A tilt is a turn about a horizontal axis that lasts. Handling is a
-    stretch of wobble, tremor and acceleration that ends in the attitude in which it began. The axis
-    is a unit vector, (3,). `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a
-    source of random numbers, a numpy Generator. Raises an ImuloopError if disturbances overlap, are
-    not in order of time or do not fit in the session.
+    The pieces are a list of Piece: rests, and the disturbances between them. A knock is a short
+    burst of acceleration. A tilt is a lasting turn about a horizontal axis. Handling is some
+    seconds of wobble, tremor and acceleration, after which the attitude is the same as before. The
+    upward direction is a unit vector on body axes.
+
+    `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a numpy Generator, the
+    source of random numbers. Raises an ImuloopError if disturbances overlap, are not in order of
+    time or do not fit in the session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))
     events = [(d.time_s, d.time_s + d.duration_s) for d in session.disturbances]

@@ -1,9 +1,9 @@
 """True motion: attitude, angular rate and specific force, exact at every sample.
 
-Attitude takes body axes to level axes with the third one up, so the specific force at rest is
-``f = Cᵀ (0, 0, g)``; the angular rate is on body axes. A session is a chain of rests and moves;
-the attitude of a move is a product of rotations about fixed axes by given angles, so its angular
-rate follows in closed form and no integration error enters the truth.
+An attitude rotates from body axes to level axes, whose third axis is up. So the specific force at
+rest is ``f = Cᵀ (0, 0, g)``, with the attitude C and gravity g. The angular rate is on body axes. A
+session is a chain of rests and moves. The attitude of a move is a product of rotations about fixed
+axes by given angles, so that its angular rate is exact, without an error of integration.
 """
 
 from dataclasses import dataclass, replace
@@ -33,9 +33,9 @@ class Motion:
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a session, a rest or a move of n samples.
+    """A stretch of a session: a rest or a move of n samples.
 
-    Attitudes are quaternions, scalar first, that rotate from the body axes to the body axes at the
+    Attitudes are quaternions, scalar first. They rotate from the body axes to the body axes at the
     start of the piece.
     """
 
@@ -49,8 +49,8 @@ class Piece:
 def rest(n, pose, acceleration=None):
     """Return a rest of `n` samples, a Piece.
 
-    `pose` is the number of the pose. `acceleration`, (n, 3), m/s^2, is the acceleration by a
-    vibration; by default the device does not vibrate.
+    `pose` is the number of the pose. `acceleration`, (n, 3), m/s^2, is the acceleration of a
+    vibration on level axes; by default there is none.
     """
     unchanged = np.array([1.0, 0, 0, 0])
     return Piece(
@@ -65,11 +65,12 @@ def rest(n, pose, acceleration=None):
 def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     """Return a move of `n` samples from rest to rest, a Piece.
 
-    The attitude is ``C = exp(v s) exp(m φ) exp(p ψ)``: a turn v with the minimum-jerk course
-    ``s = 10τ³ - 15τ⁴ + 6τ⁵``, a wobble φ about a second axis m, and a tremor ψ about a third axis
-    p. τ goes from 0 to 1. With each factor ``R = exp(a θ)``, a rotation by the angle θ about the
-    axis a, the angular rate ω becomes ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out
-    as ``64 τ³(1-τ)³``. The sample after the last one is at rest again.
+    The attitude is ``C = exp(v s) exp(m φ) exp(p ψ)``. v is the turn, with the minimum-jerk course
+    ``s = 10τ³ - 15τ⁴ + 6τ⁵``, where τ is the time and goes from 0 to 1. φ is a wobble about a
+    second axis m, and ψ a tremor about a third axis p. Each factor ``R = exp(a θ)`` is a rotation
+    by the angle θ about the axis a; it changes the angular rate ω to ``Rᵀω + a dθ/dt``. Wobble,
+    tremor and linear acceleration fade in and out as ``64 τ³(1-τ)³``. The sample after the last one
+    is at rest again.
 
     Parameters
     ----------
@@ -84,8 +85,8 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     shake : float
         Size of the linear acceleration, m/s^2.
     rng : Generator, optional
-        Source of axes, phases and frequencies of wobble, tremor and shake, a numpy Generator; by
-        default there is no wobble, tremor or shake.
+        Source of axes, phases and frequencies of wobble, tremor and linear acceleration, a numpy
+        Generator. Without it there are none of these three.
 
     References
     ----------
@@ -123,10 +124,10 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
 
 
 def knock(n, dt, size, rng):
-    """Return a knock of `n` samples, a Piece: a decaying 15 Hz burst with a little rocking.
+    """Return a knock of `n` samples, a Piece: a decaying burst of 15 Hz with a little rocking.
 
-    `dt` is the time between samples, s, `size` the amplitude of the burst, m/s^2, and `rng` the
-    source of the directions, a numpy Generator.
+    `dt` is the time between two samples, s, and `size` the amplitude of the burst, m/s^2. `rng` is
+    a numpy Generator, the source of the random directions.
     """
     t = dt * np.arange(n)
     burst = np.exp(-t / 0.06) * np.sin(2 * np.pi * 15 * t)
@@ -137,10 +138,10 @@ def knock(n, dt, size, rng):
 
 
 def hum(n, dt, rms, frequency, rng):
-    """Return the acceleration of a running motor, (n, 3), m/s^2: a sine along a random axis.
+    """Return the acceleration by a running motor, (n, 3), m/s^2: a sine along a random axis.
 
-    `dt` is the time between two of the n samples, s; `rms` is the root mean square, m/s^2;
-    `frequency` is in Hz; and `rng`, a numpy Generator, is the source of axis and phase.
+    `dt` is the time between two of the `n` samples, s. `rms` is the root mean square, m/s^2, and
+    `frequency` is in Hz. `rng` is a numpy Generator, the source of axis and phase.
     """
     direction = rng.standard_normal(3)
     wave = np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
@@ -148,9 +149,9 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the Motion of consecutive pieces.
+    """Return the Motion of a session from its pieces, one after the other.
 
-    `pieces` is a list of Piece, and `up`, (3,), the upward direction on body axes at the start.
+    `pieces` is a list of Piece. `up`, (3,), is the upward direction on body axes at the start.
     `gravity` is local gravity, m/s^2, and `rate` the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))

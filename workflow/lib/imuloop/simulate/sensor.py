@@ -7,14 +7,19 @@ from imuloop.simulate.noise import axis_noise
 
 
 def output(truth, x, channels):
-    """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, SI, (n, 3).
+    """Return the output of a sensor before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, SI, (n, 3).
 
     The effects e depend on the output u itself, so the equation is solved by repeated substitution.
-    Each of four rounds reduces the error by the factor de/du, a few per cent at most.
+    Each of four rounds multiplies the error by de/du, a few per cent at most.
 
-    `truth` is a SensorTruth, which has misalignments T, scale factors K, biases b and effects e.
-    `x`, (n, 3), are the true vectors on body axes, SI. `channels` is a function that takes an
-    output, (n, 3), and returns the `Channels`, the inputs of the effects.
+    Parameters
+    ----------
+    truth : SensorTruth
+        The sensor: misalignment T, scale factors K, biases b and effects e.
+    x : ndarray, shape (n, 3)
+        True vectors on body axes, SI.
+    channels : callable
+        Takes an output, (n, 3), and returns the `Channels`, the inputs of the effects.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -28,11 +33,20 @@ def output(truth, x, channels):
 
 
 def logged(truth, u, bias, dt, seed):
-    """Return the logged values ``raw = (u + noise)/K + b``, rounded to a step, raw units, (n, 3).
+    """Return the logged values ``raw = (u + noise)/K + b``, rounded, raw units, (n, 3).
 
-    `truth` is a SensorTruth, which has the scale factors K, the noise and the step. `u`, (n, 3), is
-    the output before noise, SI, and `bias`, (3,), the bias b of this power cycle, raw units. `dt`
-    is the time between two samples, s, and `seed` the seed of the noise, a SeedSequence.
+    Parameters
+    ----------
+    truth : SensorTruth
+        The sensor: scale factors K, noise and the step of rounding.
+    u : ndarray, shape (n, 3)
+        Output before noise, SI.
+    bias : ndarray, shape (3,)
+        The bias b in this power cycle, raw units.
+    dt : float
+        Time between two samples, s.
+    seed : SeedSequence
+        Seed of the noise.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):
@@ -42,15 +56,16 @@ def logged(truth, u, bias, dt, seed):
 
 
 def rounded(x, step):
-    """Return values rounded to multiples of a step, or unchanged if the step is 0."""
+    """Return values `x` rounded to multiples of `step`, or unchanged if the step is 0."""
     return np.round(x / step) * step if step else x
 
 
 def lagged(x, dt, tc):
-    """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to a signal x, (n,).
+    """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to n values x, (n,).
 
-    y starts at the first value of x. The result is exact if x is linear between its samples, which
-    are `dt` s apart. If the time constant `tc`, s, is 0, the result is x.
+    `x`, (n,), are samples `dt` s apart, and `tc` is the time constant, s. y starts at the first
+    value of x. The result is exact if x is linear between the samples. If `tc` is 0, the result is
+    x.
     """
     if not tc:
         return x
@@ -62,10 +77,10 @@ def lagged(x, dt, tc):
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a Thermometer logs, degC, (n,): late, noisy and rounded.
+    """Return the temperature that a thermometer logs, degC, (n,): with lag, noise and rounding.
 
-    `temperature` has the temperature of the device, degC, at n samples, (n,), and `dt` is the time
-    between two samples, s. `seed` is the seed of the noise, a SeedSequence.
+    `thermometer` is a Thermometer. `temperature`, (n,), is the temperature of the device, degC,
+    `dt` the time between two samples, s, and `seed` the SeedSequence of the noise.
     """
     noise = np.random.default_rng(seed).standard_normal(len(temperature))
     reading = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise

@@ -1,4 +1,4 @@
-"""Raw logs of a known truth."""
+"""Raw logs of a device whose truth is known."""
 
 import json
 import zlib
@@ -20,11 +20,11 @@ from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 
 
 def _seeds(truth, session, seed):
-    """Return the seeds of the motion, both sensors and the thermometer, a list of SeedSequence.
+    """Return the seeds of motion, both sensors and thermometer, a list of four SeedSequence.
 
-    Sessions and devices with the same number `seed` have different seeds. If `seed` is None, the
-    number is that of the session. `truth` is a Truth, and `session` the name of one of its
-    sessions.
+    `truth` is a Truth, and `session` the name of one of its sessions. `seed` is a number; if it is
+    None, it is the one of the session. Sessions and devices with the same number have different
+    seeds.
     """
     number = truth.sessions[session].seed if seed is None else seed
     name_hash = zlib.crc32(f"{truth.name}/{session}".encode())
@@ -34,9 +34,9 @@ def _seeds(truth, session, seed):
 def true_motion(truth, session, seed=None):
     """Return the true Motion of a simulated session: attitude, rate and force at each sample.
 
-    `truth` is a Truth, `session` the name of one of its sessions, and `seed`, if given, replaces
-    the seed of this session. `simulate_session` with the same arguments gives the log of this
-    motion.
+    `simulate_session` with the same arguments returns the log of this motion. `truth` is a Truth,
+    and `session` the name of one of its sessions. `seed` is a number that replaces the seed of the
+    session.
     """
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
@@ -46,7 +46,7 @@ def true_motion(truth, session, seed=None):
 
 
 def simulate_session(truth, session, seed=None):
-    """Return the raw log of a session.
+    """Return the raw log of a simulated session.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def simulate_session(truth, session, seed=None):
     Raises
     ------
     ImuloopError
-        If the device has no such session, or an effect needs a temperature that it lacks.
+        If the device has no such session, or an effect needs a temperature and the session has
+        none.
     """
     if session not in truth.sessions:
         names = ", ".join(truth.sessions)
@@ -96,9 +97,9 @@ def simulate_session(truth, session, seed=None):
 
 
 def write_log(path, log, metadata):
-    """Write a raw log as CSV or, for any other ending of the path, as Parquet.
+    """Write a raw log, a DataFrame, as CSV or, for any other ending of the path, as Parquet.
 
-    The Parquet file holds the metadata and ``"simulated": true``.
+    A Parquet file also gets the dict `metadata` and ``"simulated": true``.
     """
     with replaced(path) as temporary:
         if Path(path).suffix == ".csv":
@@ -110,7 +111,10 @@ def write_log(path, log, metadata):
 
 
 def log_metadata(truth, session):
-    """Return the metadata of the log of a session of a Truth, a dict: names, kind and units."""
+    """Return the metadata of a simulated log, a dict: names of truth and session, kind and units.
+
+    `truth` is a Truth, and `session` the name of one of its sessions.
+    """
     units = {
         "acceleration": truth.accelerometer.raw_unit,
         "angular_rate": truth.gyroscope.raw_unit,

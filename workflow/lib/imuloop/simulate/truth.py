@@ -1,4 +1,4 @@
-"""The truth of a simulated device, which a good estimator has to find."""
+"""The truth of a simulated device, which a good calibration has to find."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class Popcorn:
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise coefficients of a sensor's three axes, at its output in SI units."""
+    """Noise coefficients of a sensor, for each of its three axes, in SI units of its output."""
 
     # quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s)
     Q: tuple = ZERO
@@ -39,7 +39,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class SensorTruth:
-    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
+    """The truth of one sensor, ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
 
     x is the true vector on body axes, and e the sum of the effects.
     """
@@ -76,7 +76,7 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Vibration:
-    """A motor under the table that runs during some poses; it shakes along another axis in each."""
+    """A motor under the table that runs during some poses, along another axis each time."""
 
     # share of the poses during which the motor runs; it never runs during the first pose
     share: float
@@ -98,7 +98,7 @@ class Thermometer:
 
 @dataclass(frozen=True)
 class SessionTruth:
-    """The plan of one log."""
+    """The plan of one simulated session."""
 
     # 'static', 'six_position' or 'multi_position'
     kind: str
@@ -149,7 +149,7 @@ class Truth:
 
 
 def read_truth(path):
-    """Return the Truth of a YAML file, such as the files of data/replicas.
+    """Return the Truth in a YAML file, such as the files of data/replicas.
 
     Raises an ImuloopError if the file does not hold a truth.
     """
@@ -163,9 +163,9 @@ def read_truth(path):
 
 
 def _sensor(noise, effects=(), **fields):
-    """Return a SensorTruth from the keys of a sensor in a YAML file.
+    """Return a SensorTruth from the entries of a sensor in a YAML file.
 
-    `noise` is a dict with the values of each coefficient for the three axes. `effects` has a dict
+    `noise` is a dict of noise coefficients, with the values of the three axes. `effects` has a dict
     for each FittedEffect. `fields` are T, K, b and other fields of the SensorTruth.
     """
     floats = {key: np.asarray(fields.pop(key), dtype=float) for key in "TKb"}
@@ -175,17 +175,17 @@ def _sensor(noise, effects=(), **fields):
 
 
 def _session(disturbances=(), **plan):
-    """Return a SessionTruth from the keys of a session in a YAML file.
+    """Return a SessionTruth from the entries of a session in a YAML file.
 
-    `disturbances` has a dict for each Disturbance; `plan` has all other keys.
+    `disturbances` has a dict for each Disturbance; `plan` has all other entries.
     """
     return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
 
 def example_truth(**changes):
-    """Return the Truth of ``example.yaml``, a middle-grade MEMS device, with `changes` to it.
+    """Return the Truth in ``example.yaml``, a middle-grade MEMS device, with changes.
 
-    The keys of `changes` are attributes of the Truth. The device has a rate of 100 Hz,
+    `changes` are attributes of the Truth with new values. The device has a rate of 100 Hz,
     misalignments and scale factor errors of some 0.5 %, and white and flicker noise only. Its
     sessions are half an hour at rest, six positions and many positions.
     """
