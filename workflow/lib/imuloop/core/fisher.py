@@ -1,4 +1,4 @@
-"""Combination of independent p-values."""
+"""Fisher's method: one p-value from the p-values of several independent tests."""
 
 import numpy as np
 

@@ -58,7 +58,7 @@ class GaussMarkovTerm:
 
 @dataclass(frozen=True)
 class SinusoidTerm:
-    """Sinusoid of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
+    """A line: a sinusoid of `amplitude`, SI, and `frequency`, Hz, whose phase is not known."""
 
     amplitude: Coefficient
     frequency: Coefficient
@@ -75,7 +75,10 @@ class LowPassTerm:
 
     @property
     def interval_hz(self):
-        """Rate of a sensor whose values were held, interpolated or averaged, Hz, or None."""
+        """Sampling rate of the sensor, Hz, if its values were resampled to the log; None if not.
+
+        The kind of the filter says so: values that were held, interpolated or averaged.
+        """
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
 
@@ -126,16 +129,16 @@ class AxisNoise:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the AxisNoise from the content of noise.json on one axis, a dict."""
+        """Return the AxisNoise of one axis from its entry in noise.json, a dict."""
         # an axis without a filter may lack the key
         content = {"low_pass": None} | content
         names = [field.name for field in fields(cls)]
         return cls(**{name: _read(content[name], name) for name in names})
 
     def allan_variance(self, tau):
-        """Return the Allan variance of all processes, SI squared, at the times `tau`, s.
+        """Return the Allan variance of all processes together, SI squared, in the shape of `tau`.
 
-        `tau` is a number or an array, and the result has its shape.
+        `tau` is an averaging time or an array of them, s.
         """
         tau = np.asarray(tau, float)
         variance = (
@@ -261,7 +264,7 @@ def lags(t):
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise of the six axes of a device."""
+    """Noise coefficients of the six axes of a device."""
 
     device: str  # name
     axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz

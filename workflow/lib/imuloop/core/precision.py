@@ -1,4 +1,4 @@
-"""The inverse of a covariance."""
+"""The inverse of a covariance matrix."""
 
 import numpy as np
 from scipy.linalg import cholesky

@@ -1,6 +1,6 @@
 """A setting of a stage: its default, its meaning with the unit, and its limits in one place.
 
-The check of a config reads these fields with pydantic; a stage does not load pydantic.
+A check of the config reads these fields with pydantic. A stage does not load pydantic.
 """
 
 from dataclasses import field

@@ -1,13 +1,13 @@
-"""Directions on the sphere: an even lattice, and the number of distinct ones."""
+"""Directions on the sphere: a lattice of even density, and the number of distinct directions."""
 
 import numpy as np
 
 
 def fibonacci_lattice(n):
-    """Return `n` unit vectors of nearly equal distance, (n, 3).
+    """Return `n` unit vectors that lie about evenly on the sphere, (n, 3).
 
-    Vector k has the height ``1 - (2 k + 1)/n``. Consecutive longitudes differ by the golden angle,
-    ``(3 - √5) π``.
+    Vector k = 0 … n - 1 has the height ``1 - (2 k + 1)/n``. Consecutive longitudes differ by the
+    golden angle, ``(3 - √5) π``.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Parameters and derivatives of effects that have the same parameters on each axis."""
+"""Helpers for effects that have the same parameters on each axis."""
 
 import numpy as np
 

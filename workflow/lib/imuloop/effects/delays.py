@@ -46,7 +46,8 @@ class TimeOffset(Effect):
     def design(self, channels, values=(0.0,)):
         """Return D with ``e = D Δt``, SI/s, (n, 3, 1): the mean rate of change over the delay.
 
-        `values` has the delay Δt, s. At zero, D is the derivative of e with respect to Δt.
+        `values` has the delay Δt, s. At zero, D is the derivative of e with respect to Δt. The axes
+        of D are: n points of `channels`, axis of the sensor, parameter.
         """
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
@@ -56,8 +57,10 @@ class TimeOffset(Effect):
 class GyroAxisDelay(TimeOffset):
     """``e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0``: the output y of axis i is late by Δt_i.
 
-    The delays are relative to axis z. A delay of all three axes is a `time_offset`. Leaves: errors
-    of rotations whose axis changes, and velocity at the end of a move.
+    The delays are relative to axis z. A delay that all three axes have in common is a
+    `time_offset`.
+    Leaves: errors of turns during which the axis of rotation changes, and velocity at the end of a
+    move.
     """
 
     name = "gyro_axis_delay"
@@ -69,6 +72,7 @@ class GyroAxisDelay(TimeOffset):
         """Return D with ``e = D p`` for both delays p = (Δt_x, Δt_y), SI/s, (n, 3, 2).
 
         D is minus the mean rate of change of an axis over its delay. `values` has the delays, s.
+        The axes of D are: n points of `channels`, axis of the sensor, parameter.
         """
         design = np.zeros((len(channels.t), 3, 2))
         for axis, delay in enumerate(values):

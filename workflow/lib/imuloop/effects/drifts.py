@@ -28,9 +28,9 @@ def settling(channels, tau):
 class WarmUp(Effect):
     """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially, τ in s.
 
-    t is the time since the start of each log. A log that starts t_on after the power has the
-    amplitude A exp(-t_on/τ); t_on is taken as the same in all sessions.
-    Leaves: errors of the first poses and minutes, and none of later ones. Imitated by:
+    t is the time since the start of each log. If the power was on for the time t_on before the log,
+    A_i has already decayed by the factor exp(-t_on/τ); t_on is taken as the same in all sessions.
+    Leaves: errors of the poses in the first minutes, and none later. Imitated by:
     `bias_temperature`, if the thermometer shows the same warming; `bias_drift`, if τ is as long as
     the log.
     """
@@ -58,6 +58,9 @@ class WarmUp(Effect):
         """Return the derivative of e with respect to A, ``exp(-t/τ)`` on each axis, (n, 3, 3).
 
         At a pose it is the mean over the samples of the pose.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         return on_each_axis(channels.evaluate(settling, self.tau))
 
@@ -76,7 +79,11 @@ class BiasDrift(Effect):
     after_temperature = True
 
     def design(self, channels):
-        """Return the derivative of e with respect to d, the time t, s, on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to d, the time t, s, on each axis, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.t)
 
 

@@ -25,9 +25,9 @@ def creep(channels, tau):
 class Reorientation(Effect):
     """``e_i = k_i (y_i,lag - y_i)``: the share k_i of the load creeps, with time constant τ, s.
 
-    y_lag follows the output y by ``τ dy_lag/dt = y - y_lag`` and equals it at the start of the log.
-    After a turn, the output is too small by k_i times the change of the load; this error decays
-    with exp(-t/τ).
+    y is the output. y_lag follows it by ``τ dy_lag/dt = y - y_lag`` and equals it at the start of
+    the log. After a turn changes the load of axis i, the output is at first too small by k_i times
+    this change; the error decays with exp(-t/τ).
     Leaves: a trend within each pose, and a mean that depends on the pose before. Imitated by: no
     other effect; a support that gives way looks the same.
     """
@@ -46,7 +46,11 @@ class Reorientation(Effect):
         return tuple(cls(tau) for tau in CREEPS)
 
     def design(self, channels):
-        """Return the derivative of e with respect to k, ``y_lag - y`` on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to k, ``y_lag - y`` on each axis, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.evaluate_memory(creep, self.tau))
 
 
@@ -82,9 +86,9 @@ class VibrationRectification(Effect):
 
     If a quadratic nonlinearity K2 follows the vibration, it has the same effect with v = K2. Its
     response to slow changes, as in a turn, is the `quadratic` effect. σ² includes the noise of the
-    sensor, whose constant part is a bias. Leaves: means that depend on the variance within the
-    pose, or steps of bias in a static record while a motor runs. Imitated by: a support that tilts
-    while it vibrates.
+    sensor, whose constant part is a bias.
+    Leaves: means that depend on the variance within the pose, or steps of bias in a static record
+    while a motor runs. Imitated by: a support that tilts while it vibrates.
     """
 
     name = "vibration_rectification"
@@ -97,5 +101,9 @@ class VibrationRectification(Effect):
     timed = True
 
     def design(self, channels):
-        """Return the derivative of e with respect to v, σ² on each axis, SI², (n, 3, 3)."""
+        """Return the derivative of e with respect to v, σ² on each axis, SI², (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.evaluate_memory(vibration))

@@ -14,9 +14,9 @@ PRODUCTS = ("xx", "yy", "xy", "xz", "yz")
 class GSensitivity(Effect):
     """``e = G f``: the gyroscope's bias follows the specific force in every attitude.
 
-    G_ij is the rate that axis i shows for a specific force of 1 m/s^2 along axis j.
-    Leaves: mean rates of poses that are linear in the attitude. Imitated by: the vertical part of
-    the `earth_rate`, for the isotropic part of G.
+    f is the specific force. G_ij is the rate that axis i shows for 1 m/s^2 along axis j.
+    Leaves: mean rates of poses that are linear in the direction of f. Imitated by: the
+    `earth_rate`, if G is a multiple of the unit matrix.
     """
 
     name = "g_sensitivity"
@@ -29,6 +29,9 @@ class GSensitivity(Effect):
 
         The derivative with respect to row i of G is the specific force f on axis i, and zero on the
         others.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         return row_by_row(channels.other)
 
@@ -36,10 +39,11 @@ class GSensitivity(Effect):
 class G2Sensitivity(Effect):
     """``e_i = Σ_jk D_ijk f_j f_k``: the anisoelastic bias of a gyroscope.
 
-    Five terms an axis: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²), D_ixy f_x f_y, D_ixz f_x f_z,
-    D_iyz f_y f_z. The sixth, |f|², is the same in all attitudes at rest: a bias.
-    Leaves: a pattern of degree 2 in the mean rates of poses, where `g_sensitivity` is of degree 1.
-    Imitated by: nothing else of degree 2.
+    f is the specific force. Each axis i has five terms: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²),
+    D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. A sixth, |f|², is the same in all attitudes at
+    rest, and so a bias.
+    Leaves: a pattern of degree 2 in the direction of f, in the mean rates of poses; `g_sensitivity`
+    leaves one of degree 1. Imitated by: nothing else of degree 2.
     """
 
     name = "g2_sensitivity"
@@ -52,6 +56,9 @@ class G2Sensitivity(Effect):
 
         The derivative with respect to the five parameters of axis i is the five products of
         specific force on axis i, and zero on the others.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
@@ -60,11 +67,11 @@ class G2Sensitivity(Effect):
 class EarthRate(Effect):
     """``e = w_up u, u the direction of f``: the vertical part of the Earth's rate.
 
-    f is the specific force. w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part depends
-    on the heading, which is not measured, and stays in the residual. While the device accelerates,
-    f is not vertical.
-    Leaves: a mean rate that turns with the attitude, 15 °/h at the pole, and an angle that grows
-    with the duration of a rotation. Imitated by: a `g_sensitivity` that is a multiple of the unit
+    f is the specific force, and w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part of
+    the Earth's rate depends on the heading, which is not measured, and stays in the residual. While
+    the device accelerates, f is not vertical.
+    Leaves: a mean rate along the vertical in every attitude, 15 °/h at the pole, and an angle that
+    grows with the duration of a move. Imitated by: a `g_sensitivity` that is a multiple of the unit
     matrix, exactly.
     """
 
@@ -78,6 +85,9 @@ class EarthRate(Effect):
         """Return the derivative of e with respect to w_up, which is the direction u, (n, 3, 1).
 
         It is zero in free fall.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
@@ -103,6 +113,9 @@ class RateSensitivity(Effect):
 
         The derivative with respect to row i of M is the angular rate w on axis i, and zero on the
         others.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         return row_by_row(channels.other)
 
@@ -112,9 +125,10 @@ class LeverArm(Effect):
 
     w is the angular rate. The centre of rotation is not known, so an arm that all axes have in
     common cannot be determined. The origin is therefore the place of the z axis, and r_x and r_y
-    are relative to it. Leaves: velocity at the end of a move, which depends on the angle turned and
-    on the square of the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by:
-    `rate_sensitivity`, in part.
+    are relative to it.
+    Leaves: velocity at the end of a move, which depends on the angle turned and on the square of
+    the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, in
+    part.
     """
 
     name = "lever_arm"
@@ -131,6 +145,9 @@ class LeverArm(Effect):
         For each sample there is a matrix A with ``dw/dt × r + w × (w × r) = A r``. The derivative
         of e_x with respect to r_x is the first row of A, and that of e_y with respect to r_y the
         second.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         w, change = channels.other, channels.evaluate_memory(other_slope)
         # w × (w × r) = w (w·r) - r (w·w)

@@ -24,7 +24,11 @@ class Quadratic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
 
     def design(self, channels):
-        """Return the derivative of e with respect to K2, y² on each axis, SI², (n, 3, 3)."""
+        """Return the derivative of e with respect to K2, y² on each axis, SI², (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.output**2)
 
 
@@ -42,7 +46,11 @@ class Cubic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
 
     def design(self, channels):
-        """Return the derivative of e with respect to K3, y³ on each axis, SI³, (n, 3, 3)."""
+        """Return the derivative of e with respect to K3, y³ on each axis, SI³, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.output**3)
 
 
@@ -60,19 +68,24 @@ class Asymmetry(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
 
     def design(self, channels):
-        """Return the derivative of e with respect to Ka, |y|/2 on each axis, SI, (n, 3, 3)."""
+        """Return the derivative of e with respect to Ka, |y|/2 on each axis, SI, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(np.abs(channels.output) / 2)
 
 
 class CrossCoupling(Effect):
     """``e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i``: products of the outputs of two axes.
 
-    Next to K2 there are 15 products of two outputs. The norm of gravity at rest shows 7 of them:
-    y_i y_j on axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any
-    axis. A `quadratic` is a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The
-    norm does not tell which product causes a pattern: the correction is right along gravity, and
-    wrong across gravity by up to the residual. Leaves: patterns of degree 3 in the direction u.
-    Imitated by: `quadratic`, `asymmetry`.
+    y is the output. Apart from K2, the `quadratic`, there are 15 products of two outputs on an
+    axis. The norm of gravity at rest, in the direction u, shows 7 of them: y_i y_j on axis i and
+    y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A `quadratic` is
+    a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The norm does not tell
+    which product causes a pattern. So the correction is right along gravity, and wrong across
+    gravity by up to the residual.
+    Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`, `asymmetry`.
     """
 
     name = "cross_coupling"
@@ -86,6 +99,9 @@ class CrossCoupling(Effect):
         """Return the derivative of e with respect to the K_ij, then Kxyz, SI², (n, 3, 7).
 
         A column has the product of two outputs that the parameter multiplies.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         y = channels.output
         columns = np.zeros((len(y), 3, 7))
@@ -98,9 +114,9 @@ class CrossCoupling(Effect):
 class ScaleNonlinearity(Effect):
     """``e_i = s2_i y_i² + s3_i y_i³``: the scale factor of an axis changes with the rate.
 
-    Leaves: errors of rotations that grow with their speed; the error by s2 keeps its sign when the
-    turn is reversed. Nothing at rest. Imitated by: the scale factor and `scale_asymmetry`
-    (s2), if all turns are about equally fast.
+    y is the output. Leaves: errors of turns that grow with their speed; the error by s2 keeps its
+    sign when the turn is reversed. Nothing at rest. Imitated by: the scale factor and, for s2,
+    `scale_asymmetry`, if all turns are about equally fast.
     """
 
     name = "scale_nonlinearity"
@@ -110,16 +126,22 @@ class ScaleNonlinearity(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the derivative of e with respect to s2, then s3: y² and y³, SI, (n, 3, 6)."""
+        """Return the derivative of e with respect to s2, then s3: y² and y³, SI, (n, 3, 6).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.output**2, channels.output**3)
 
 
 class ScaleAsymmetry(Effect):
     """``e_i = sa_i abs(y_i)``: the scale factor of an axis differs between left and right turns.
 
-    The asymmetry of the standard, one side less the other, is 2 sa. Leaves: errors of rotations
-    that keep their sign when the turn is reversed; nothing at rest. Imitated by: the scale factor
-    if each axis is turned one way only; the even part of `scale_nonlinearity` at one speed.
+    y is the output. The standard defines the asymmetry as the difference of both sides, which is 2
+    sa.
+    Leaves: errors of turns that keep their sign when the turn is reversed; nothing at rest.
+    Imitated by: the scale factor, if each axis is turned one way only; s2 of `scale_nonlinearity`,
+    if all turns are equally fast.
     """
 
     name = "scale_asymmetry"
@@ -129,14 +151,19 @@ class ScaleAsymmetry(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the derivative of e with respect to sa, |y| on each axis, SI, (n, 3, 3)."""
+        """Return the derivative of e with respect to sa, |y| on each axis, SI, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(np.abs(channels.output))
 
 
 class Anisoinertia(Effect):
     """``e_i = a_i w_j w_k``: rates about both other axes at once appear as a rate about axis i.
 
-    Leaves: errors of rotations about axes between the axes of the sensor; nothing at rest.
+    w is the angular rate, and j and k are the other axes. Leaves: errors of turns about directions
+    between the axes of the sensor; nothing at rest.
     """
 
     name = "anisoinertia"
@@ -147,7 +174,11 @@ class Anisoinertia(Effect):
     limit = 0.05
 
     def design(self, channels):
-        """Return the derivative of e with respect to a, w_j w_k on axis i, SI², (n, 3, 3)."""
+        """Return the derivative of e with respect to a, w_j w_k on axis i, SI², (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(_product_of_others(channels.output))
 
 

@@ -26,11 +26,11 @@ _FACTOR = re.compile(r"(θ|[fw]_[xyz])([²³]?)")
 class Product(Effect):
     """``e_i = c_i Π_k x_k^p_k``: one product of powers, such as ``f_y² f_z``, on one axis i.
 
-    The factors x_k are the specific force f and the angular rate w along x, y or z, and the
-    temperature θ less the reference, to its first power. The total degree is at most three.
+    A factor x_k is the specific force f or the angular rate w along x, y or z, to the power p_k, or
+    the temperature θ less the reference, to the power one. The sum of the powers is at most three.
     Leaves: a pattern that no effect with a known cause leaves. Imitated by: other products. At rest
-    an accelerometer shows only the component of e along gravity: f_y² f_z on x leaves the same as
-    f_x f_y f_z on y and as f_x f_y² on z.
+    an accelerometer shows only the component of e along gravity: f_y² f_z on axis x leaves the same
+    as f_x f_y f_z on axis y and as f_x f_y² on axis z.
     """
 
     formula: str = "f_x² f_y"
@@ -87,6 +87,9 @@ class Product(Effect):
         """Return the derivative of e with respect to c, SI, (n, 3, 1).
 
         It is the product on the axis of the effect, and zero on the others.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         design = np.zeros((len(channels.t), 3, 1))
         values = np.ones(len(channels.t))

@@ -18,9 +18,9 @@ class Steps(Effect):
     """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k; H is the unit step.
 
     At poses only one step in the log of one session is tested, with ``e_i = h_i (H(t - t_1) - 1)``:
-    the bias b is then the bias after the step, which later logs have. Leaves: means that jump.
-    Imitated by: a device that was moved, which tilts an accelerometer; random walk, which the test
-    allows for as part of the noise.
+    the bias b is then the bias after the step, which later logs have.
+    Leaves: means that jump. Imitated by: a device that was moved, which tilts an accelerometer;
+    random walk, which the test allows for as part of the noise.
 
     Attributes
     ----------
@@ -61,6 +61,9 @@ class Steps(Effect):
 
         For step k it is ``H(t - t_k) - 1`` on each axis: -1 before the step and 0 after it. At a
         pose it is the mean over the samples of the pose.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 

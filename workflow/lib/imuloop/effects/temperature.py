@@ -81,11 +81,11 @@ class BiasTemperature(Effect):
     """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
 
     The order is at most 3, as in thermal calibration of MEMS sensors. θ0 is the reference, degC. θ
-    is the reading of the thermometer; if the thermometer has a first-order `lag`, s, θ is the
-    temperature before this lag.
-    Leaves: a bias that follows θ(t), whether it rises or falls, on every axis and at every load.
-    Imitated by: a drift and a warm-up, if θ only rises or only falls (they are tested after the
-    temperature), and a hysteresis if θ turns (it differs between rise and fall).
+    is the reading of the thermometer. If the thermometer has a first-order `lag`, s, θ is its
+    reading without this lag.
+    Leaves: a bias that follows θ(t) on every axis, in every attitude, whether θ rises or falls.
+    Imitated by: a drift and a warm-up, if θ only rises or only falls (so they are tested after the
+    temperature); a hysteresis, if θ turns (a hysteresis differs between rise and fall).
     """
 
     order: int = 1
@@ -134,7 +134,11 @@ class BiasTemperature(Effect):
         )
 
     def design(self, channels):
-        """Return the derivative of e with respect to c, powers of θ - θ0, K^k, (n, 3, 3 order)."""
+        """Return the derivative of e with respect to c, powers of θ - θ0, K^k, (n, 3, 3 order).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         warm = channels.evaluate_memory(undo_lag, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
@@ -155,9 +159,9 @@ class BiasTemperature(Effect):
 class ScaleTemperature(Effect):
     """``e_i = sT_i (θ - θ0) y_i``: the scale factor is linear in the temperature θ.
 
-    y is the output, θ0 the reference, degC. Leaves: an error that follows θ(t) on loaded axes only,
-    which are the vertical axis of an accelerometer at rest and the axis of a gyroscope's turn.
-    Imitated by: `bias_temperature`, if the attitude, or the turn, is always the same.
+    y is the output, θ0 the reference, degC. Leaves: an error that follows θ(t) on loaded axes only:
+    the vertical axis of an accelerometer at rest, the axis about which a gyroscope turns. Imitated
+    by: `bias_temperature`, if the attitude, or the turn, is always the same.
     """
 
     reference_temperature: float = ROOM
@@ -177,7 +181,11 @@ class ScaleTemperature(Effect):
         return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
-        """Return the derivative of e with respect to sT, (θ - θ0) y on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to sT, (θ - θ0) y on each axis, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         warmer = temperature(channels) - self.reference_temperature
         return on_each_axis(warmer[:, None] * channels.output)
 
@@ -202,12 +210,11 @@ class BiasTemperatureRate(Effect):
     """``e_i = r_i (θ - θ_lag)/τ``: the bias follows the rate dθ/dt after a first-order lag τ, s.
 
     θ_lag follows the temperature θ by ``τ dθ_lag/dt = θ - θ_lag`` and equals it at the start of the
-    log. If there is also a `bias_temperature` c1 (θ - θ0), a sensor that lags behind the
-    thermometer has r = -c1 τ. A thermometer that lags behind the sensor has an r with the sign of
-    c1. A gradient across the housing may have any r.
-    Leaves: biases during heating and cooling that differ while the temperature changes, and agree
-    at a constant temperature. Imitated by: `thermal_hysteresis`, which remains at a constant
-    temperature.
+    log. The sign of r may show the cause, if there is also a `bias_temperature` c1 (θ - θ0): a
+    sensor that lags behind the thermometer has r = -c1 τ; a thermometer that lags behind the sensor
+    gives r the sign of c1. A gradient across the housing may cause any r.
+    Leaves: biases that differ between heating and cooling, and agree when the temperature is
+    constant. Imitated by: `thermal_hysteresis`, whose difference remains at a constant temperature.
     """
 
     tau: float = LAGS[0]
@@ -226,7 +233,11 @@ class BiasTemperatureRate(Effect):
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
     def design(self, channels):
-        """Return the derivative of e with respect to r, ``(θ - θ_lag)/τ``, K/s, (n, 3, 3)."""
+        """Return the derivative of e with respect to r, ``(θ - θ_lag)/τ``, K/s, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.evaluate_memory(lagged_rate, self.tau))
 
 
@@ -249,10 +260,10 @@ def hysteresis_state(channels, half_width):
 class ThermalHysteresis(Effect):
     """``e_i = h_i (θ - play_w θ)/w``: the bias depends on whether the temperature θ rose or fell.
 
-    play_w θ is a point that is dragged by two walls at a distance w, the half-width, K, on either
-    side of θ. (θ - play_w θ)/w is 0 at the start of the log, 1 in long heating and -1 in long
-    cooling. It changes sign within 2 w after a turning point, and stays at a constant temperature.
-    2 h_i is the opening of the loop.
+    play_w θ is a point that is dragged by two walls at the distance w, K, on either side of θ. So
+    the factor (θ - play_w θ)/w is 0 at the start of the log, 1 in long heating and -1 in long
+    cooling. After θ turns, it changes its sign within 2 w; at a constant temperature it stays. The
+    biases in heating and in cooling differ by 2 h_i.
     Leaves: two branches of the bias over the temperature. Imitated by: `bias_temperature_rate`, if
     the temperature always changes at one speed; `bias_temperature` and `bias_drift`, if it never
     turns.
@@ -275,5 +286,9 @@ class ThermalHysteresis(Effect):
         return tuple(cls(width) for width in sorted(widths))
 
     def design(self, channels):
-        """Return the derivative of e with respect to h, ``(θ - play_w θ)/w``, (n, 3, 3)."""
+        """Return the derivative of e with respect to h, ``(θ - play_w θ)/w``, (n, 3, 3).
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
+        """
         return on_each_axis(channels.evaluate_memory(hysteresis_state, self.half_width))

@@ -21,8 +21,9 @@ class TurnOnBias(Effect):
 
     A power cycle is a session; a gap that is longer than all recorded time of the session divides
     it into two. The bias of the calibration is the mean over the power cycles. In a log of another
-    power cycle the effect is zero. Leaves: pose means that change between power cycles only.
-    Imitated by: other differences between the power cycles, above all of the temperature.
+    power cycle the effect is zero.
+    Leaves: pose means that change between power cycles only. Imitated by: other differences between
+    the power cycles, above all of the temperature.
     """
 
     runs: int = 2  # number of power cycles, with its name in calibration.json
@@ -51,6 +52,9 @@ class TurnOnBias(Effect):
 
         It is 1 in the power cycle of the parameter, -1 in the first power cycle, and 0 in the
         others. It is 0 everywhere if the power cycle is not known.
+
+        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        the sensor, parameter.
         """
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))

@@ -27,13 +27,13 @@ class Channels:
     output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
     other: np.ndarray  # (n, 3): the other sensor's output, SI
     temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
-    # takes a function of the Channels of the whole log and its constants, returns its values at the
-    # points, (n, …); None if the points are all samples of the log
+    # takes a function of the Channels of the whole log, and its constants; returns the values of
+    # this function at the points, (n, …). None if the points are all samples of the log
     history: Callable | None = None
     # (n,): number of the power cycle of each point, 0, 1, …; None if it is one unknown power cycle
     power_cycle: np.ndarray | None = None
-    # is filled, by name of the effect, with a mask of the points at which it was clamped to the
-    # range of the data that it was fitted to
+    # gets, by name of the effect, a mask of the points at which the effect was clamped to the range
+    # of the data that it was fitted to
     clamped: dict | None = None
 
     def map(self, change):
@@ -206,14 +206,17 @@ class Effect:
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
-        """Return the SI unit of each parameter, a dict by name, for a sensor with a name."""
+        """Return the SI unit of each parameter, a dict by name.
+
+        `sensor` is the name of the sensor that has the effect.
+        """
         output = OUTPUT[sensor]
         return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
         """Return D, the derivative of e with respect to p parameters at n points, SI, (n, 3, p).
 
-        e is what the effect adds to the sensor's output. The second axis of D is the axis of the
+        The effect adds e to the sensor's output. The second axis of D is the axis of the
         sensor. If e is not linear in the parameters, D is the derivative at zero.
         """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
@@ -221,7 +224,7 @@ class Effect:
     def design_at(self, channels, values):
         """Return D with ``e = D x`` at given parameters x, SI, (n, 3, p).
 
-        `values`, (p,), are the parameters x, and e is what the effect adds to the output at the n
+        `values`, (p,), are the parameters x, and the effect adds e to the output at the n
         points of the Channels. If e is linear in the parameters, D is its derivative and does not
         depend on x.
         """
@@ -259,7 +262,7 @@ def effect_design(effects, channels, values=()):
 
 @dataclass(frozen=True)
 class FittedEffect:
-    """An effect with the values of its parameters."""
+    """An effect with fitted values of its parameters."""
 
     effect: Effect  # the effect with its constants
     values: dict  # parameters by name, SI
@@ -275,11 +278,11 @@ class FittedEffect:
 
     @property
     def vector(self):
-        """Parameters in the order of the columns of the derivative, SI, (p,)."""
+        """Values of the p parameters, SI, (p,), in the order of the columns of the derivative."""
         return np.array([self.values[name] for name in self.effect.parameters])
 
     def output(self, channels):
-        """Return e, what the effect adds to the sensor's output at n points, SI, (n, 3).
+        """Return e, which the effect adds to the sensor's output at n points, SI, (n, 3).
 
         It is the derivative D of e with respect to the p parameters, (n, 3, p), times the
         parameters. D is clamped, parameter by parameter, to its range in the data that the effect
@@ -347,7 +350,7 @@ class FittedEffect:
 def _check_constants(effect):
     """Raise a TypeError or a ValueError for an impossible constant of an effect.
 
-    A TypeError is for another type than that of the default, a ValueError for a value that is
+    A TypeError is for another type than the default has, a ValueError for a value that is
     infinite or beyond its bounds.
     """
     for constant in fields(effect):

@@ -23,9 +23,9 @@ class EffectKind:
 
 @dataclass(frozen=True)
 class SensorEffect:
-    """An effect with values of its constants, and the name of the sensor that has it.
+    """A variant of an effect, together with the name of the sensor that has it.
 
-    A SensorEffect also has the properties of the effect that are listed below.
+    It also has the attributes of the effect that are listed below.
     """
 
     effect: Effect

@@ -33,7 +33,7 @@ class Sensor:
 
     @property
     def gain(self):
-        """Derivative ``T diag(K)`` of x with respect to y, (3, 3), without effects."""
+        """Derivative of x with respect to y without effects, ``T diag(K)``, (3, 3)."""
         return self.T * self.K
 
     def output(self, y):

@@ -24,7 +24,7 @@ FAR_OFF = 4.0
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """The calibration of one sensor, ``x = T (K (raw - b) - e)``."""
+    """The calibration of one sensor, ``x = T (K (raw - b) - e)``, and how it was found."""
 
     raw_unit: RawUnit  # of `raw` and b
     T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
@@ -54,14 +54,14 @@ class SensorCalibration:
 
     @property
     def measured(self):
-        """Whether any parameter was measured; otherwise all are the data sheet's."""
+        """Whether any parameter was measured; otherwise all come from the data sheet."""
         nominal = self.nominal(self.raw_unit, None)
         same = all(np.array_equal(getattr(self, x), getattr(nominal, x)) for x in "TKb")
         return self.method != "nominal" or bool(self.effects) or not same
 
     @property
     def unexplained(self):
-        """Whether the data have larger errors than the noise and the effects explain."""
+        """Whether the errors of the data exceed those that the noise and the effects explain."""
         return self.measured and self.verdict == "unexplained"
 
     @property

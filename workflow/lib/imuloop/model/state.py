@@ -82,7 +82,7 @@ class State:
 def parameters(effects=()):
     """Return all parameters of a state, a list of (sensor, name, SI unit).
 
-    The parameters of both sensors come first, then those of the `effects`, a sequence of
+    The parameters of both sensors come first, then the parameters of the `effects`, a sequence of
     SensorEffect.
     """
     rows = []

@@ -16,14 +16,14 @@ from imuloop.noise.settings import NoiseSettings
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # exponents of the power spectrum of quantisation, white noise, flicker and walk, and the slopes of
-# the deviation at which one of these kinds of noise gives way to the next. The first slope is close
-# to -1, the slope of quantisation: other noise must not be taken for quantisation, which alone has
-# many degrees of freedom at long times
+# the deviation that separate one of these kinds of noise from the next. The first slope is close to
+# -1, the slope of quantisation: no other noise must be taken for quantisation, which alone has many
+# degrees of freedom at long times
 EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
 # a slope is measured from averaging times that are shorter by this factor to times longer by it
 REACH = 5.0
-# terms that AllanTools sums at a time: its temporary arrays then fit into the cache, and the sum
-# takes half the time
+# number of terms that AllanTools sums at a time: its temporary arrays then fit into the cache, and
+# the sum takes half the time
 PIECE = 1 << 17
 
 
@@ -180,8 +180,8 @@ def allan_variance(stretches, factors):
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
-    # the sum behind `oadev`, as `oadev` copies the data for each call. Imported here because the
-    # import takes longer than most curves
+    # this function computes the sum for `oadev`, which would copy the data for each call. It is
+    # imported here because the import takes longer than most curves
     from allantools.allantools import calc_adev_phase
 
     factors = np.asarray(factors)
@@ -219,7 +219,11 @@ def degrees_of_freedom(variance, factors, lengths):
     from allantools import edf_greenhall, edf_simple
 
     def of_stretch(exponent, m, length):
-        """Return the degrees of freedom of a stretch, for noise of one spectral exponent, at m."""
+        """Return the degrees of freedom of the Allan variance of one stretch.
+
+        `exponent` is the type of noise (`EXPONENTS`), `m` the averaging time in samples, and
+        `length` the number of samples of the stretch.
+        """
         # for flicker at m = 1 the simple formula of AllanTools 2024.6 lacks a square
         if (exponent, m) == (-1, 1):
             return edf_greenhall(exponent, 2, m, length + 1, overlapping=True)

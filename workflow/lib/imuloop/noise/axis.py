@@ -13,19 +13,20 @@ from imuloop.noise.low_pass import choose_low_pass, leakage_weights, likeliest_c
 from imuloop.noise.misfit import misfit
 from imuloop.noise.selection import Selection
 
-# lines that are subtracted at most
+# largest number of lines that are subtracted
 LINES = 8
-# lines within this share of the frequency of another one are remains of a line that wanders
+# a line that is nearer to an earlier line than this share of its frequency is the remains of one
+# that wanders
 NEAR = 0.02
-# share of the largest value to which the output is right after a line was subtracted
+# relative error of the output by rounding after a line was subtracted, share of the largest value
 DIGITS = 1e-12
-# fewer values cannot carry five terms and a test of the misfit
+# fewest values that can determine five terms and a test of the misfit
 MIN_VALUES = 16
 
 
 @dataclass(frozen=True)
 class AxisEstimate:
-    """The estimate of the noise of one axis."""
+    """The noise of one axis, as estimated, and how well it fits the spectrum."""
 
     # coefficients of the terms that passed their test, with intervals, and limits of the others
     noise: AxisNoise = field(default_factory=AxisNoise)

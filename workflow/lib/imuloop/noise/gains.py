@@ -1,4 +1,4 @@
-"""Low-pass filters before the output of a sensor: their power gain for noise before them."""
+"""Low-pass filters before the output of a sensor: their effect on the power of noise."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,6 +1,6 @@
-"""Coefficients of the noise terms with intervals, and upper limits of terms not seen.
+"""Coefficients of noise terms with intervals, and upper limits of terms that are not supported.
 
-A term is supported by a record if it passes its significance test; other terms get a limit.
+A record supports a term if the term passes its significance test.
 """
 
 from functools import cache, reduce

@@ -1,4 +1,4 @@
-"""The likelihood of the modes of one axis, and its maximum."""
+"""The likelihood of the noise terms of one axis, and its maximum."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +48,7 @@ def likeliest(log_likelihood, low, high, close=1e-5):
 
 @dataclass(frozen=True)
 class MaximumLikelihood:
-    """The most likely variances of the terms, and the log-likelihood there."""
+    """The most likely variances of p noise terms, the likeliest ramp, and the log-likelihood."""
 
     theta: np.ndarray  # variances, (p,): factors of the unit spectra, none negative
     ramp: float  # SI/s; 0 if no ramp was fitted
@@ -64,7 +64,7 @@ class Likelihood:
 
     Modes are independent and Gaussian. A row r is one slow mode or a bin of fast modes. :math:`p_r`
     is the mean square of the :math:`n_r` values of the row, and :math:`s_r` its expected value. The
-    expected values are linear in the variances :math:`\theta` of the terms, and U has those of
+    expected values are linear in the variances :math:`\theta` of the terms, and U has them for
     terms of variance 1. A slow mode has :math:`p = (c - R \rho)^2`, with its amplitude c, the ramp
     R and the amplitude :math:`\rho` for a ramp of 1 SI/s. The weights w are 1 unless the model does
     not fit the spectrum (`noise.misfit`).
@@ -134,16 +134,16 @@ class Likelihood:
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope, power = ramp, self.power(ramp or 0.0)
-        # mean weight w of the slow modes: each counts by its share of the power of a ramp
+        # mean weight of the slow modes, in which each counts by its share of the power of a ramp
         weight = self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
-            """Return the expected mean squares, (r,), for variances, (p,)."""
+            """Return the expected mean squares of all rows, (r,), for variances, (p,)."""
             return np.maximum(units @ theta + fixed, floor)
 
         def values(expected):
-            """Return the plain and the restricted log-likelihood for expected squares, (r,)."""
+            """Return the plain and the restricted log-likelihood for mean squares `expected`."""
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
             # the second result of `ramp` is the information about the ramp, Σ w rho²/s
             lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
@@ -206,7 +206,7 @@ class Likelihood:
 
     @cached_property
     def floor(self):
-        """Mean square below which only rounding is left, SI^2."""
+        """Mean square below which a row has nothing but rounding, SI^2."""
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):

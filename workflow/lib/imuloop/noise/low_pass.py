@@ -95,7 +95,7 @@ def _fit_corner(selection, kind, near):
 def _score(selection):
     """Return the log-likelihood of a Selection, less `PRICE` for each parameter.
 
-    The parameters are those of the supported terms and of the low-pass filter, if there is one.
+    They are the parameters of the supported terms and of the low-pass filter, if there is one.
     """
     terms, low_pass = selection.supported, selection.low_pass
     parameters = len(terms) + len(correlation_times(terms))
@@ -138,7 +138,7 @@ def likeliest_corner(filtered, terms):
     """
 
     def behind(corner):
-        """Return the Selection with another corner of its filter, a share of the sampling rate."""
+        """Return `filtered` with another corner of its filter, a share of the sampling rate."""
         return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
 
     near = filtered.low_pass.corner

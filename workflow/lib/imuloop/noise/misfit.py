@@ -4,7 +4,8 @@ import numpy as np
 from scipy.ndimage import convolve1d
 from scipy.special import chdtrc, chdtri, polygamma, psi
 
-# rows are compared with the model in groups: VALUES or more values each, GROUPS or less per decade
+# groups of rows that are compared with the model: least number of values of a group, and most
+# groups per decade
 VALUES, GROUPS = 8, 24
 # groups over which a misfit keeps its sign and its size: half a decade
 TOGETHER = GROUPS // 2

@@ -10,12 +10,12 @@ from scipy.linalg import block_diag
 
 from imuloop.noise.processes import NAMES, covariances
 
-# about the number of blocks of a record, and one more than the largest number in a piece: more
-# blocks would take time with their cube, fewer would mix slow and fast noise
+# about the number of blocks of a record, and one more than the largest number in a piece. The time
+# grows with the cube of the number of blocks; fewer blocks would mix slow and fast noise
 BLOCKS, LARGEST = 512, 577
-# samples of a block whose length is rounded up to one that is fast to transform
+# number of samples of a block above which it is rounded up to one that is fast to transform
 LONG = 4096
-# share of the samples that whole blocks have to hold
+# least share of the samples that lie in whole blocks
 HELD = 0.9
 # bins of the fast modes per decade, and correlation times per decade between which expected squares
 # are interpolated
@@ -87,15 +87,15 @@ class _Piece:
     """
 
     cycle: int
-    place: np.ndarray  # index of the first value of each block in its Signal, (k,)
-    start: np.ndarray  # first sample of each block, (k,)
+    place: np.ndarray  # (k,): index of the first value of each block in its Signal
+    start: np.ndarray  # (k,): position of the first sample of each block on the grid
     levels: list  # for each level the distances of the blocks, and the contrasts of their means
 
     @cached_property
     def basis(self):
         """Contrasts of the means of all k blocks, (k, s): a column for each of the s slow modes.
 
-        A column is zero outside the blocks of its level.
+        A contrast is a weighted sum whose weights add up to zero. They are zero outside one level.
         """
         return block_diag(*(contrasts for _, contrasts in self.levels))
 
@@ -151,7 +151,7 @@ class Modes:
     processes: CubicSpline
     ramp: np.ndarray
     _pieces: list
-    # the first fast mode of each bin
+    # index of the first fast mode of each bin
     _bins: np.ndarray
     _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -187,7 +187,10 @@ class Modes:
         return np.exp(self.processes(np.log(term)))
 
     def gain(self, low_pass):
-        """Return the factor by which a LowPass changes the power of white noise, (r,), by row."""
+        """Return the factor by which a LowPass changes the power of white noise in each row, (r,).
+
+        A row is a slow mode or a bin of fast modes.
+        """
         if low_pass not in self._gains:
             slow = low_pass.gain(self.frequency[: len(self.ramp)] * self.dt)
             fast = _bin_means(expected_squares(low_pass.autocovariance(self.m)), self._bins)

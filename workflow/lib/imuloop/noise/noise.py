@@ -19,7 +19,7 @@ MEANS = {"std_10s": 10.0, "std_100s": 100.0}
 
 @dataclass(frozen=True)
 class NoiseResult:
-    """Result of the noise stage."""
+    """Result of the noise stage: the content of noise.json and of spectra.parquet."""
 
     model: NoiseModel  # coefficients of the six axes
     rate_hz: float | None = None  # sampling rate of the sessions used; of two clocks, the faster
@@ -32,12 +32,12 @@ class NoiseResult:
     spectra: dict = field(default_factory=dict)
 
     def to_dict(self):
-        """Return the content of noise.json."""
+        """Return the content of noise.json, a dict."""
         others = {f.name: getattr(self, f.name) for f in fields(self)[1:-1]}
         return self.model.to_dict() | others
 
     def to_json(self, path):
-        """Write noise.json."""
+        """Write the file noise.json at a path."""
         write_json(path, self.to_dict())
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import sici, xlogy
 
-# the variances that a spectrum is a sum of: squares of Q, N, B, K
+# names of the coefficients whose squares are the variances of the noise processes
 NAMES = ("Q", "N", "B", "K")
 # the covariance of means of fewer than SHORT samples, less than NEAR of their lengths apart, is
 # computed by sums, not integrals
@@ -13,10 +13,9 @@ SHORT, NEAR = 64, 32
 def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of two means over m samples, SI^2, for each noise process.
 
-    Each array has the shape of `d`.
-
-    The first four arrays are for noise with the coefficients Q, N, B, K of 1. The others are for
-    Gauss-Markov processes of variance 1, one for each of the `correlation_times`, s.
+    Each array has the shape of `d`. The first four are for noise with the coefficients Q, N, B, K
+    of 1. The others are for Gauss-Markov processes of variance 1, one for each of the
+    `correlation_times`, s.
 
     `d` is the distance, in samples, from the start of one mean to the start of the other; it is 0
     or at least `m`, the number of samples of a mean. `dt` = Δt is the interval of the samples, s.

@@ -19,7 +19,7 @@ from imuloop.noise.processes import NAMES
 # shortest correlation time that is tried, in samples: a low-pass filter has the same spectrum as a
 # process with a shorter one
 SHORTEST = 10.0
-# longest correlation time, as a share of the usual time without a new level: a process with a
+# longest correlation time, as a share of the usual time between two disturbances: a process with a
 # longer one looks like a walk
 LONGEST = 1 / 8
 # independent tests per decade of correlation times
@@ -28,8 +28,8 @@ TESTS = 2.5
 MOST = 3
 # a smaller gain in log-likelihood counts as none: each fit ends within this distance of the maximum
 NOTHING = 1e-4
-# share of a session over which one level has to last before walk or ramp is told from flicker:
-# rests that are shorter, each at its own level, say little of the change between them
+# least share of a session between two disturbances with which walk and ramp are told from flicker:
+# shorter rests, each with its own mean, show little of the change between them
 LASTING = 1 / 8
 ORDER = (*NAMES, "R")
 
@@ -61,7 +61,7 @@ class Selection:
 
     modes: Modes
     likelihood: Likelihood
-    level: float  # chance at which a term that is absent counts as supported
+    level: float  # probability that an absent term counts as supported
     low_pass: LowPass | None = None  # filter behind all terms but quantisation
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -169,7 +169,7 @@ class Selection:
             terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
-        """Return the terms and the one absent term that passes its test best, if any passes.
+        """Return the terms together with the absent term that passes its test best, if any passes.
 
         A Gauss-Markov process is added only if no other absent term passes.
         """

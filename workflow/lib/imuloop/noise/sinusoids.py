@@ -1,4 +1,4 @@
-"""Sinusoids by least squares in the clean stretches of a signal, with little memory."""
+"""Sinusoids that are fitted to a signal by least squares, in chunks, to save memory."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ class FittedSinusoid:
     frequency_std: float
 
     def subtract(self, signal):
-        """Return the Signal without the sinusoid."""
+        """Return the Signal to which the sinusoid was fitted, without the sinusoid."""
         parts = [self.amplitudes @ columns[2:4] for _, columns in _chunks(signal, self.frequency)]
         return replace(signal, values=signal.values - np.concatenate(parts))
 

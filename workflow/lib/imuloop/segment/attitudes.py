@@ -23,9 +23,9 @@ _MOMENTS[:3, :3] += 1 / 15
 def expected_error(f):
     """Return the expected error of an accelerometer that is calibrated with n attitudes, a float.
 
-    The stage chooses those rests that make this error small. The error is a share of gravity, root
-    mean square over all directions of gravity; without attitudes it is infinite. `f`, (n, 3), is
-    the mean specific force in each attitude, m/s².
+    The segment stage chooses the rests that make this error small. The error is a share of gravity,
+    root mean square over all directions of gravity; without attitudes it is infinite. `f`, (n, 3),
+    is the mean specific force in each attitude, m/s².
 
     Let u be the mean specific force in units of its median norm. An accelerometer at rest is
     modelled by an ellipsoid that is linear in nine coefficients β, the elements of B and c:

@@ -81,10 +81,11 @@ def squared_distance(x, covariance):
 def squared_distance_limit(probability, k, m):
     """Return the squared distance that a vector of noise exceeds with a `probability`, a float.
 
-    The covariance of the `k` channels is estimated from `m` other vectors, so the squared distance
-    is Hotelling's T²: (m² − 1) k / (m (m − k)) times an F variable with k and m − k degrees of
-    freedom. F exceeds ``(m − k) (1 − z) / (k z)`` with the probability that a Beta((m − k)/2, k/2)
-    variable is below z. This form is accurate for small probabilities.
+    The distance is Mahalanobis' distance from zero. The covariance of the `k` channels is estimated
+    from `m` other vectors. So the squared distance is Hotelling's T²: (m² − 1) k / (m (m − k))
+    times an F variable with k and m − k degrees of freedom. F exceeds ``(m − k) (1 − z) / (k z)``
+    with the probability that a Beta((m − k)/2, k/2) variable is below z. This form is accurate for
+    small probabilities.
     """
     z = betaincinv((m - k) / 2, k / 2, probability)
     return (m * m - 1) / m * (1 - z) / z
@@ -107,8 +108,8 @@ def undisturbed_ranges(x, ranges, step, settings):
 
     If several scales show a disturbance, the finest one determines the samples that are cut out. A
     wide disturbance is cut at the edge where the mean changes more. The search is then repeated on
-    the remaining ranges, so that a tilt next to a knock, or the sway after it, is found too. Of a
-    lasting tilt only the transition is cut out: the ranges before and after it are separate.
+    the remaining ranges, so that a tilt next to a knock, or the sway after it, is found too. Only
+    the transition of a lasting tilt is cut out: the ranges before and after it are separate.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def _find_cuts(x, ranges, floor, step, settings):
         bound *= LONE_FACTOR**2 if half < LONE else 1.0
         for start, s, d in zip(ranges[:, 0], sums, differences, strict=True):
             first, marks = _find_large(s, d, half, covariance, bound, guard)
-            # a second difference whose samples a finer scale has cut in part shows this cut again
+            # a second difference that overlaps with a cut of a finer scale is the same disturbance
             next_cut = np.searchsorted(cuts[:, 1], start + first, side="right")
             is_new = start + first + 3 * half <= np.append(cuts[:, 0], n)[next_cut]
             if is_new.any():
@@ -197,8 +198,8 @@ def _find_cuts(x, ranges, floor, step, settings):
 def _find_large(sums, differences, half, covariance, bound, guard):
     """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
 
-    All samples of a short second difference are cut out. Of a long one only one edge is cut out:
-    the start or the end of the samples in the middle, whichever has the larger change of the mean.
+    All samples of a short second difference are cut out. A long second difference is cut at one
+    edge: at the start or the end of its middle samples, where the mean changes more.
 
     Parameters
     ----------

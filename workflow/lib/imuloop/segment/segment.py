@@ -35,7 +35,8 @@ from imuloop.segment.tilt import tilts, without_tilts
 
 # number of rests dropped as too short from which on shorter settings are tried, and the divisors
 LEAST_SHORT, SHORTER = 5, {"window_s": 2, "shortest_rest_s": 4}
-# number of attitudes that determine an accelerometer's nine parameters and check them
+# number of attitudes that are enough to determine an accelerometer's nine parameters, and to check
+# them
 ENOUGH = 12
 # largest ratio of the expected errors of a calibration with steady rests only and with all rests
 DEAREST = 2.0

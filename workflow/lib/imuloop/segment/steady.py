@@ -1,4 +1,4 @@
-"""Slow turns and tremor inside rests, compared with the device's other rests."""
+"""Slow turns and tremor inside rests, found by comparison with all rests of the session."""
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d

@@ -42,11 +42,11 @@ class Tolerance:
     Attributes
     ----------
     misalignment : float
-        Elements of T off the diagonal, rad.
+        Of the elements of T off the diagonal, rad.
     scale_factor : float
-        Scale factors relative to the nominal one, 1.
+        Of the scale factors relative to the nominal one, without unit.
     bias : float
-        m/s^2 for an accelerometer, rad/s for a gyroscope.
+        Of the biases: m/s^2 for an accelerometer, rad/s for a gyroscope.
     """
 
     misalignment: float

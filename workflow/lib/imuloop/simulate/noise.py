@@ -75,7 +75,7 @@ def steps(n, dt, size, times):
     return size * (np.searchsorted(np.sort(times), dt * np.arange(n), side="right") % 2)
 
 
-# process of each coefficient of a `Noise` that has a random stream
+# random process of each coefficient of a `Noise`, by name
 PROCESSES = {"N": white, "Q": quantisation, "B": flicker, "K": walk}
 
 

@@ -1,4 +1,4 @@
-"""The sensors and the thermometer of a simulated device: from true values to logged ones."""
+"""From true values to logged ones: the sensors and the thermometer of a simulated device."""
 
 import numpy as np
 from scipy.signal import lfilter

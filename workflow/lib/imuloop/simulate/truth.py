@@ -70,7 +70,7 @@ class Disturbance:
     # m/s^2 of a knock, degrees of the others
     size: float
     duration_s: float = 1.0
-    # body axis of a tilt (its level part counts); at random if not given
+    # body axis of a tilt, of which only the level part counts; at random if not given
     axis: tuple | None = None
 
 
@@ -87,7 +87,7 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Thermometer:
-    """Errors of the logged temperature."""
+    """Lag, noise and rounding of the logged temperature."""
 
     # time constant with which it follows the temperature of the device, s
     lag_s: float = 0.0
@@ -131,13 +131,13 @@ class SessionTruth:
     temperature: tuple = ()
     # time constant with which the device follows its surroundings, s
     thermal_s: float = 0.0
-    # change of the three biases in this power cycle, raw units, by name of the sensor
+    # change of the three biases in this power cycle, raw units, (3,), by name of the sensor
     turn_on: dict | None = None
 
 
 @dataclass(frozen=True)
 class Truth:
-    """A simulated device."""
+    """The truth of a simulated device: its sensors, thermometer and plans of its sessions."""
 
     name: str  # name in the metadata of the logs
     accelerometer: SensorTruth
