@@ -44,7 +44,7 @@ def plural(count, noun, ending="s"):
 
 
 def joined(words):
-    """Return a list of words as text for a sentence: ``a, b and c``."""
+    """Return a list of words as text for a sentence, such as ``a, b and c``."""
     *first, last = words or [""]
     return f"{', '.join(first)} and {last}" if first else last
 

@@ -322,7 +322,7 @@ class NoiseModel:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the NoiseModel from the content of noise.json, a dict; other keys are ignored."""
+        """Return the NoiseModel from the dict in noise.json, whose other keys are ignored."""
         axes = {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS}
         return cls(content["device"], axes)
 

@@ -146,7 +146,10 @@ def read_samples(path):
 
 
 def read_columns(path, columns=None):
-    """Return columns of a Parquet file, by default all, as a dict of arrays by name."""
+    """Return columns of a Parquet file, a dict of arrays by name.
+
+    `columns` are the names of the columns to read, by default all.
+    """
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
     columns = {name: table[name].to_numpy() for name in table.column_names}

@@ -25,12 +25,12 @@ def unbroken(rows):
 
 
 def lengths(ranges):
-    """Return the number of samples in each of k ranges, (k,)."""
+    """Return the number of samples in each of k half-open ranges of samples, (k,)."""
     return np.diff(ranges, axis=1).ravel()
 
 
 def merged(ranges):
-    """Return ranges, (k, 2), in order; ranges that overlap or touch become one."""
+    """Return ranges of samples, (k, 2), in order; ranges that overlap or touch become one."""
     if not len(ranges):
         return ranges
     first, last = ranges[np.argsort(ranges[:, 0])].T

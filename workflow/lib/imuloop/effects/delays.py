@@ -19,7 +19,10 @@ def own_change(channels, seconds):
 
 
 def other_slope(channels):
-    """Return the rate of change of the other sensor's output at the n samples, SI/s, (n, 3)."""
+    """Return the rate of change of the other sensor's output, SI/s, (n, 3).
+
+    `channels` are the Channels of a whole log of n samples.
+    """
     return slope(channels.t, channels.other)
 
 

@@ -74,7 +74,7 @@ class Product(Effect):
 
     @cached_property
     def parameters(self):
-        """Unit of the one parameter, the coefficient c, a dict by its name.
+        """Unit of the one parameter, the coefficient c of the product, a dict with its name.
 
         ``output`` stands for the SI unit of the sensor.
         """

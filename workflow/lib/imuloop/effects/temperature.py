@@ -105,7 +105,7 @@ class BiasTemperature(Effect):
 
     @property
     def price(self):
-        """Amount by which a lag has to lower the logarithm of the p-value; 0 without lag."""
+        """Amount by which a lag has to lower the logarithm of the p-value; 0 without a lag."""
         return PRICE_OF_A_LAG if self.lag else 0.0
 
     @property

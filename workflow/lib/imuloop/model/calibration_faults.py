@@ -63,9 +63,19 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return the first reason why a calibration of a sensor is impossible, a line of text, or None.
+    """Return the first reason why a calibration of a sensor is impossible, or None.
 
-    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
+    Parameters
+    ----------
+    calibration : SensorCalibration
+        The calibration to check.
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    str or None
+        The reason, one line of text.
     """
     checks = _base_faults, _effect_faults, _covariance_faults
     return next((fault for check in checks for fault in check(calibration, sensor)), None)

@@ -37,7 +37,7 @@ class Prior:
 
     @property
     def std(self):
-        """Standard deviations of x, (21,)."""
+        """Standard deviations of the 21 parameters, nominal SI, (21,)."""
         return np.sqrt(np.diag(self.covariance))
 
     def of(self, sensor):

@@ -33,20 +33,24 @@ class Sensor:
 
     @property
     def gain(self):
-        """Derivative of x with respect to y without effects, ``T diag(K)``, (3, 3)."""
+        """Derivative of the calibrated x with respect to the input y, (3, 3), without effects.
+
+        It is ``T diag(K)``, with the misalignment T and the scale factors K.
+        """
         return self.T * self.K
 
     def output(self, y):
         """Return ``K (y - b)``, SI, on the sensor's own axes, (..., 3).
 
-        `y`, (..., 3), are values in nominal SI.
+        `y`, (..., 3), are values in nominal SI. K are the scale factors and b the biases.
         """
         return self.K * (y - self.b)
 
     def aligned(self, y):
         """Return ``T K (y - b)``, SI, on the axes of the body, without effects, (..., 3).
 
-        `y`, (..., 3), are values in nominal SI.
+        `y`, (..., 3), are values in nominal SI. T is the misalignment, K are the scale factors and
+        b the biases.
         """
         return self.output(y) @ self.T.T
 
@@ -92,7 +96,10 @@ class Sensor:
         flat = A.reshape(m, k, 3 * a).swapaxes(1, 2)
 
         def sum_products(values):
-            """Return sums over samples of A_ri v_j, (m, a, 3, 3), for vectors v, (m, k, 3)."""
+            """Return the sums over samples of A_ri v_j, (m, a, 3, 3), for vectors v, (m, k, 3).
+
+            The axes of the result are: sum, component r of A x, axis i of A, axis j of v.
+            """
             return (flat @ values).reshape(m, a, 3, 3)
 
         # the axes are: group m, row r of A, column i of A, axis j of the values

@@ -72,14 +72,16 @@ class SensorCalibration:
     def output(self, values):
         """Return ``K (raw - b)``, SI, on the sensor's own axes, (…, 3).
 
-        `values`, (…, 3), are in nominal SI.
+        `values`, (…, 3), are in nominal SI; raw are the same in raw units. K are the scale factors
+        and b the biases.
         """
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
     def aligned(self, values):
         """Return ``T K (raw - b)``, SI, on the axes of the body, without effects, (…, 3).
 
-        `values`, (…, 3), are in nominal SI.
+        `values`, (…, 3), are in nominal SI; raw are the same in raw units. T is the misalignment, K
+        are the scale factors and b the biases.
         """
         return self.output(values) @ self.T.T
 
@@ -96,13 +98,13 @@ class SensorCalibration:
 
     @property
     def std(self):
-        """Standard errors of the estimated parameters, a dict by name."""
+        """Standard errors of the estimated parameters, in their units, a dict by name."""
         if not self.names:
             return {}
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
     def value(self, name):
-        """Return the parameter with a name such as ``T01``, ``K0`` or ``b0``, raw units."""
+        """Return an element of T, K or b by its name, such as ``T01`` or ``b0``, raw units."""
         return float(getattr(self, name[0])[tuple(map(int, name[1:]))])
 
     def parameters(self, sensor):

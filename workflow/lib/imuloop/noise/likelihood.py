@@ -92,7 +92,10 @@ class Likelihood:
     digits: float = 0.0
 
     def power(self, ramp=0.0):
-        """Return the mean squares of all rows, (r,), SI^2, after a `ramp`, SI/s, is subtracted."""
+        """Return the mean squares of the r rows, (r,), SI^2, after a `ramp`, SI/s, is subtracted.
+
+        A row is a slow mode or a bin of fast modes (`Modes`). Only slow modes show a ramp.
+        """
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=0.0, fixed=0.0, start=None, close=CLOSE):
@@ -206,7 +209,10 @@ class Likelihood:
 
     @cached_property
     def floor(self):
-        """Mean square below which a row has nothing but rounding, SI^2."""
+        """Mean square below which a row is only rounding, SI^2.
+
+        A row is a slow mode or a bin of fast modes.
+        """
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):

@@ -245,7 +245,10 @@ def modes(signals):
 
 
 def _bin_means(values, first):
-    """Return means of `values` over bins of the last axis; `first` has the first index of each."""
+    """Return the means of `values`, (..., n), over bins of the last axis, (..., bins).
+
+    `first` has the index of the first value of each bin.
+    """
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 

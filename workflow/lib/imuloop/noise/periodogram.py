@@ -147,7 +147,10 @@ class Periodogram:
         return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]
 
     def chance(self, sinusoid):
-        """Return the probability that noise is as high as a FittedSinusoid at its frequency."""
+        """Return the probability that noise alone explains a sinusoid, at its frequency.
+
+        `sinusoid` is a FittedSinusoid. The probability is that of a peak at least as high.
+        """
         variance, m = self.noise(sinusoid.frequency)
         return chance_at_one(sinusoid.explained / (2 * np.log(2) * variance), m)
 

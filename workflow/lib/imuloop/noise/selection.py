@@ -46,7 +46,7 @@ def plus(terms, term):
 
 
 def variances(terms):
-    """Return the terms that have a variance, and so a spectrum: all but a ramp."""
+    """Return those of the `terms` that have a variance, and so a spectrum: all but a ramp."""
     return without(terms, "R")
 
 
@@ -124,7 +124,7 @@ class Selection:
 
     @property
     def times(self):
-        """Correlation times that are tried for a Gauss-Markov process, s, (k,)."""
+        """Correlation times that are tried for a Gauss-Markov process, s, (k,), ascending."""
         times = self.modes.correlation_times
         longest = LONGEST * self.modes.usual_level
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]

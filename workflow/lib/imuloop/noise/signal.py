@@ -62,11 +62,14 @@ class Signal:
         return self.extent > SPARSEST * self.lengths.sum()
 
     def split(self, x):
-        """Return an array, (n,), cut into the stretches: a list of views, one for each."""
+        """Return an array, (n,), cut into the stretches, a list of views.
+
+        The array has a value for each of the n samples.
+        """
         return np.split(x, np.cumsum(self.lengths)[:-1])
 
     def centred(self, x):
-        """Return an array, (n,), minus its mean over each level, (n,)."""
+        """Return an array, (n,), minus its mean between each two disturbances, (n,)."""
         ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 

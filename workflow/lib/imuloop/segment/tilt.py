@@ -122,7 +122,7 @@ def _changing_part(u):
 
 
 def without_tilts(f, w, rests, bias, step):
-    """Return rests without ends in which the device tilts, (m, 2), and their tilts, rad, (m,).
+    """Return rests without ends in which the device tilts, and the tilt of each rest.
 
     Each rest is divided into parts. It is cut to its longest stretch of parts without a tilt, if
     that removes at most the share `CUT` of it; its tilt is then 0. Otherwise the rest is kept as it
@@ -141,6 +141,13 @@ def without_tilts(f, w, rests, bias, step):
         Bias of the gyroscope, rad/s.
     step : float
         Median time step, s.
+
+    Returns
+    -------
+    ndarray of int, shape (m, 2)
+        Ranges of samples of the rests, cut or as they were.
+    ndarray, shape (m,)
+        Tilt of each rest, rad.
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):

@@ -173,7 +173,7 @@ def sensor_names():
 
 
 def find_sensor(name):
-    """Return the DataSheet of a sensor in the table.
+    """Return the data sheet of a sensor in the table.
 
     Its tolerances are standard deviations. A typical figure of the sheet counts as one standard
     deviation. A maximum counts as the half-width of a rectangular distribution, whose standard
@@ -184,6 +184,10 @@ def find_sensor(name):
     ----------
     name : str
         Key, label or alias; case and punctuation do not matter.
+
+    Returns
+    -------
+    DataSheet
 
     Raises
     ------
@@ -219,7 +223,7 @@ def _table():
 
 
 def _plain(name):
-    """Return a name in lower case without punctuation."""
+    """Return a name in lower case without punctuation and spaces, for comparison."""
     return re.sub(r"[\W_]", "", str(name)).lower()
 
 

@@ -58,7 +58,10 @@ def poses(session, rate, rng):
         return round(rng.uniform(*span) * rate)
 
     def random_rest(pose):
-        """Return a rest of random duration in a pose; it vibrates if the motor runs then."""
+        """Return a rest of random duration in a pose, a Piece.
+
+        `pose` is the number of the pose. The rest vibrates if the motor runs during this pose.
+        """
         n, vibration = samples(session.rest_s), None
         if pose in shaken:
             rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
