@@ -24,7 +24,7 @@ __all__ = [*_PLACES]
 
 
 def __getattr__(name):
-    """Return a public name, whose module is imported when the name is first used.
+    """Return the object with a public name, and import its module if this is the first use.
 
     So a script that needs no calibration does not load the model.
     """

@@ -52,26 +52,30 @@ def calibrate(
     folder: str | Path | None = None,
     progress: bool = True,
 ) -> Result:
-    """Calibrate and diagnose one device; the same stages, and numbers, as in the workflow.
+    """Return the Result of one device: its calibration, noise and diagnosis, from its logs.
+
+    Stages and numbers are the same as in the workflow.
 
     Parameters
     ----------
     t : array_like, shape (n,), or a log, or a list of logs, optional
-        Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
-        DataFrame, a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``, or a
-        mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each. An array
-        of shape (n, k) needs `columns` by number, from 0.
+        Time stamps, s, of the arrays that follow; or one or several logs in which the device rests
+        in many attitudes. A log is a path, a DataFrame, a tuple of arrays
+        ``(t, acceleration, angular_rate[, temperature])``, or a mapping of ``acceleration`` and
+        ``angular_rate`` to a path or a DataFrame each. It may also be an array of shape (n, k), a
+        row per sample, if `columns` names its columns by number from 0.
     acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
-        m/s^2 and rad/s, or in the `units` that are given. If `t` is not given, they are arrays at
-        the `rate`, or a path or DataFrame for each sensor, with its own time stamps.
+        Specific force, m/s^2, and angular rate, rad/s, or in the declared `units`. Without `t` they
+        are arrays at the sampling rate `rate`, or a path or DataFrame for each sensor, with its own
+        time stamps.
     temperature : array_like, shape (n,), optional
-        degC.
+        Temperature of the sensors, degC.
     static, six_position : a log, or a list of logs
         Logs of the device at rest, and logs in which each of its six faces is up in turn.
     gravity : float or mapping
         Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
     units, columns, sensor, range, nominal, rate, format : optional
-        Declarations of all logs, as in the config. By default columns and format are found from
+        Declarations about all logs, as in the config. By default columns and format are found in
         each log, and units are SI.
     prior : path-like, optional
         An earlier calibration.json of the device, or a family.json of its type.
@@ -180,9 +184,9 @@ def read(log, **declared) -> pd.DataFrame:
 
 
 def _list_logs(logs):
-    """Return logs as a list, which is empty for None or ().
+    """Return the logs in an argument of `calibrate` as a list, empty for None or ().
 
-    `logs` is a list of logs, or a single log, which may be a tuple of arrays.
+    `logs` is a list of logs, or one log, which may be a tuple of arrays.
     """
     if logs is None or (isinstance(logs, tuple) and not logs):
         return []
@@ -191,11 +195,11 @@ def _list_logs(logs):
 
 @read_in(PYTHON)
 def _ingest(device, session, log, declared):
-    """Read a log, and write the samples and the quality of its session of a Device.
+    """Read the log of a session of a Device, and write its samples and its quality.
 
     `session` is the name of the session. `log` is a path or a DataFrame, or a dict with one of
-    these for each sensor. `declared` are the keys of the config that are declared for the log.
-    Raises an ImuloopError if they do not fit the log.
+    these for each sensor. `declared` are the declarations about the log, keys of a config. Raises
+    an ImuloopError if they do not fit the log.
     """
     parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
     for role, part in parts.items():

@@ -17,7 +17,7 @@ _TABLES = ("samples", "segments", "allan")
 
 @dataclass(frozen=True)
 class Device:
-    """A device with its sessions and settings, the input of the stages."""
+    """A device with its sessions and settings: the input of every stage."""
 
     name: str
     folder: Path  # folder of the device's results
@@ -55,11 +55,11 @@ class Device:
 
 
 def ingest(device, session, declared, paths, reject=False):
-    """Write samples and quality of one session, from the files of its log.
+    """Write samples.parquet and quality.json of one session, from the files of its log.
 
     If the declarations do not fit the log, the function raises an ImuloopError. With `reject` it
-    rejects the session instead: the table of samples then has no rows, and the quality has the
-    reason. A full disk raises a MachineFault in any case.
+    rejects the session instead: samples.parquet then has no rows, and quality.json has the reason.
+    A full disk raises a MachineFault in any case.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def ingest(device, session, declared, paths, reject=False):
 
 
 def segment(device):
-    """Write the segments of each session of a Device: its rests and moves."""
+    """Write segments.parquet of each session of a Device: its rests, moves and gaps."""
     from imuloop.core.samples import Samples, read_metadata
     from imuloop.core.tables import write_table
     from imuloop.segment.segment import segment_session
@@ -108,7 +108,7 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json, and spectra.parquet with the spectra of all sessions of a Device."""
+    """Write the noise of a Device, noise.json, and the spectra of its sessions, spectra.parquet."""
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise
     from imuloop.noise.records import read_recorded
@@ -138,9 +138,9 @@ def calibrate(device):
 
 
 def _prior(device):
-    """Return the Prior of a device: the distribution of its parameters before the logs are used.
+    """Return the Prior of a Device: mean and covariance of its parameters before the logs are used.
 
-    The prior comes from the file that the config names, else from the data sheet.
+    The prior comes from the file that the config names, or else from the data sheet.
     """
     from imuloop.family.prior import read_prior
     from imuloop.model.prior import data_sheet
@@ -152,10 +152,11 @@ def _prior(device):
 
 
 def diagnose(device):
-    """Write the diagnosis, the final calibration, the validation by attitude, and their tables.
+    """Write the diagnosis of a Device, its final calibration, and the validation by attitude.
 
-    The tables have the poses, moves, windows, errors of attitude, and the Allan curves without the
-    effects.
+    The files are diagnosis.json, calibration.json, attitude.json and tables of the poses, of the
+    moves, of the windows with a reference, of the errors of attitude, and of the Allan curves after
+    the effects are subtracted.
     """
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
@@ -193,7 +194,7 @@ def diagnose(device):
 
 
 def allan(device):
-    """Write the Allan curves of each session: as logged, and after the effects are subtracted."""
+    """Write allan.parquet of each session: Allan curves as logged, and with effects subtracted."""
     from imuloop.core.tables import joined, read_session, write_table
     from imuloop.noise.allan import session_curves
     from imuloop.noise.records import read_recorded
@@ -206,7 +207,7 @@ def allan(device):
 
 
 def export(device):
-    """Write the folder exports with files for other tools, and their list, exports.json."""
+    """Write files of a Device for other tools, the folder exports, and their list, exports.json."""
     from imuloop.export.export import export_files, read_exported, write_exports
 
     write_exports(device.file("exports"), export_files(read_exported(device)))
@@ -215,7 +216,8 @@ def export(device):
 def report_device(device):
     """Write the exports of a Device, and its part of the report.
 
-    The part is a section, a page, figures and a row of the comparison.
+    The part is section.html for the report of all devices, a page by itself, the figures, and
+    summary.json for the comparison.
     """
     from imuloop.report.section import write_section
 
@@ -255,7 +257,7 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the functions of the stages from segment to allan in their order, a tuple."""
+    """Return the functions of the stages from `segment` to `allan` in their order, a tuple."""
     return segment, noise, calibrate, diagnose, allan
 
 

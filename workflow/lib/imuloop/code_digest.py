@@ -16,7 +16,7 @@ _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | 
 
 
 def code_digest(script, *packages, without=(), library=_LIBRARY):
-    """Return the SHA-256 of the code that a stage uses, text.
+    """Return the SHA-256 of the code that a stage uses, text: it changes only if this code does.
 
     `script` is the path of the stage's script, and `packages` are the names of further packages of
     the library, whose folder is `library`. The digest covers:

@@ -28,7 +28,10 @@ def merge(base, override):
 
 
 def without_dates(value):
-    """Return `value` with keys and dates as text: YAML turns stamps without quotes into dates."""
+    """Return a config, or a part of it, with all keys and dates as text.
+
+    YAML turns stamps without quotes into dates.
+    """
     if isinstance(value, dict):
         return {str(key): without_dates(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -37,17 +40,21 @@ def without_dates(value):
 
 
 def merged_devices(config):
-    """Return the devices by name, with the defaults; sessions have the keys of their device."""
+    """Return the devices of a config by name, with the defaults, a dict.
+
+    Each session has the keys of its device that apply to logs (`OF_LOGS`).
+    """
     defaults = config.get("defaults") or {}
     merged = {name: merge(defaults, device) for name, device in config["devices"].items()}
     return {name: _expand_sessions(device) for name, device in merged.items()}
 
 
 def _expand_sessions(device):
-    """Return a device whose sessions each have one log file and all keys that apply to them.
+    """Return a device of a config in which each session has one log and the keys of the device.
 
-    A session with a pattern or a folder of files becomes a session for each file. A device or
-    session that is not a mapping, a fault that is reported elsewhere, stays as it is.
+    A session whose ``file`` is a pattern or a folder of logs becomes a session for each of these.
+    Only the keys `OF_LOGS` of the device are copied. A device or session that is not a mapping
+    stays as it is; `config_faults` reports it.
     """
     sessions = device.get("sessions") if isinstance(device, dict) else None
     if not isinstance(sessions, dict):
@@ -96,10 +103,10 @@ def _is_log(folder, form):
 
 
 def _session_name(path, session, taken):
-    """Return a session's name for one of several files: the file's name, made fit for a folder.
+    """Return the name of the session for one of several files: its name, made fit for a folder.
 
-    `path` is the path of the file, `session` the name of the session in the config, and `taken` are
-    names of other sessions, from which the result differs.
+    `path` is the path of the file, and `session` the name of the session in the config. `taken` are
+    the names of other sessions, which the result must not have.
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
     if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
@@ -109,21 +116,22 @@ def _session_name(path, session, taken):
 
 
 def resolve(config):
-    """Return the devices of a config by name, each a dict that stages can use.
+    """Return the devices of a config without faults by name, each a dict with all defaults.
 
-    The config has no faults. A device has ``label``, the keys of the result of `known_figures`, the
-    settings of each stage, ``type`` (None if not given), ``prior`` with ``file`` and ``type``
-    (empty if not given), and ``sessions`` by name. A session has ``kind``, ``format``,
-    ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and
-    ``reference`` if they have their own files), ``columns``, ``units``, ``rate`` (Hz),
-    ``time_range``, ``pps``, ``reference`` and ``known_rotation``.
+    A device has ``label``, the keys of the result of `known_figures`, the settings of each stage,
+    ``type`` (None if not given), ``prior`` with ``file`` and ``type`` (empty if not given), and
+    ``sessions`` by name.
+
+    A session has ``kind``, ``format``, ``sources``, ``columns``, ``units``, ``rate`` (Hz),
+    ``time_range``, ``pps``, ``reference`` and ``known_rotation``. The sources are by role: ``log``,
+    or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` if they have their own file.
     """
     devices = merged_devices(without_dates(config))
     return {name: _resolve_device(name, device) for name, device in devices.items()}
 
 
 def _resolve_device(name, device):
-    """Return a device with all keys, a dict; `device` is its entry in the config."""
+    """Return a device as `resolve` does; `name` is its name, `device` its entry in the config."""
     prior = device.get("prior")
     return {
         "label": device.get("label", name),
@@ -136,10 +144,10 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return local gravity, m/s^2, and the result of `device_figures` of a device, a dict.
+    """Return the local gravity of a device, m/s^2, and the figures of its sensor, a dict.
 
-    `device` has the keys ``gravity``, ``sensor``, ``range``, ``nominal`` and ``full_scale`` of a
-    config; a key may be absent.
+    The figures are the result of `device_figures`. `device` has the keys ``gravity``, ``sensor``,
+    ``range``, ``nominal`` and ``full_scale`` of a config; a key may be absent.
     """
     gravity = device.get("gravity", STANDARD_GRAVITY)
     figures = device_figures(*map(device.get, ("sensor", "range", "nominal", "full_scale")))
@@ -149,7 +157,7 @@ def known_figures(device):
 
 
 def _resolve_session(session):
-    """Return a session with all keys, a dict; its files are under the key ``sources``."""
+    """Return a session as `resolve` does; `session` is its entry in the config."""
     resolved = {key: session.get(key) for key in ("kind", "format", "rate", "time_range")}
     for key in ("columns", "units", "pps", "reference"):
         resolved[key] = dict(session.get(key) or {})
@@ -180,17 +188,20 @@ def by_type(devices):
 
 
 def is_stored(path):
-    """Return whether a path, such as s3://bucket/key, is for a storage plugin of Snakemake."""
+    """Return whether a path, such as s3://bucket/key, is one of a storage plugin of Snakemake."""
     return "://" in path
 
 
 def source_path(source, cache):
-    """Return the path of a source in the working folder after it is fetched into `cache`."""
+    """Return the path of a source: a local file, or its place in the folder `cache` once fetched.
+
+    `source` is a dict, as `sources` returns it.
+    """
     return source.get("path") or f"{cache}/{source['sha256']}/{file_name(source)}"
 
 
 def fetched(devices):
-    """Return all sources that have to be fetched, by their path ``<sha256>/<name>`` in the cache.
+    """Return the sources that have to be fetched, by their path ``<sha256>/<name>`` in the cache.
 
     `devices` are the devices by name, as `resolve` returns them.
     """

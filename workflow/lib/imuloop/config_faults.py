@@ -16,9 +16,9 @@ from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 
 
 def config_faults(config, files, replicas, mirror=None):
-    """Return the faults of a config, one line each; an empty list for a sound config.
+    """Return the faults of a config, a list with a line for each; empty for a config without fault.
 
-    ``config.yaml line 9: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
+    A line is such as ``config.yaml line 9: devices.imu.units.time: 'sec' is not a unit; …``
 
     Parameters
     ----------
@@ -55,7 +55,8 @@ def config_faults(config, files, replicas, mirror=None):
 def _validation_faults(config, context=None):
     """Yield (key, text) for each fault of a config whose devices already have the defaults.
 
-    `context` is ``{"replicas": …}`` if the files that are named have to exist, else None.
+    The key is a tuple of the names that lead to the value. `context` is ``{"replicas": …}`` if the
+    files that the config names have to exist, else None.
     """
     try:
         Config.model_validate(config, context=context)
@@ -67,9 +68,9 @@ def _validation_faults(config, context=None):
 
 
 def device_faults(name, device):
-    """Yield (key, text) for each fault of the keys of a device without sessions.
+    """Yield (key, text) for each fault of a device that is declared without a config.
 
-    `name` is the name of the device, and `device` a dict; a session is added for the check.
+    `name` is the name of the device, and `device` has its keys, a dict without sessions.
     """
     log = {"kind": "static", "file": "log"}
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
@@ -78,10 +79,10 @@ def device_faults(name, device):
 
 
 def _where_written(written, key):
-    """Return the key at which the config has the value for a key of a merged device.
+    """Return the key at which the value of `key`, a key of a merged config, is written.
 
-    The value may be written at the key itself, at the device of a session, or in the defaults.
-    `written` are all keys of the config.
+    It may be the key itself, a key of the device for one of its session, or a key of the defaults.
+    `written` are all keys of the config before the merge. Keys are tuples of names.
     """
     if key in written or len(key) < 3 or key[0] != "devices":
         return key
@@ -116,9 +117,9 @@ def _describe(error, key):
 
 
 def _nearest_unit(name, units):
-    """Return the end of a message that names the unit that `name` means, or the nearest one.
+    """Return the end of a message, "; did you mean …?", on an unknown unit `name`.
 
-    `units` are the names of the possible units.
+    It names the one of the possible `units` that `name` spells, or else the most similar one.
     """
     # the unit that `name` spells in another way comes first: by similarity, dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None

@@ -17,7 +17,11 @@ MEMBER = r"^[^/\n{}][^\n{}]*[^/\n{}]$"
 
 
 def source_kind(value):
-    """Return the name of the type for the value of a source: a path, url or wheel, or a pair."""
+    """Return the name of the type of a source in a config: ``url``, ``wheel``, ``pair`` or other.
+
+    `value` is the source as written. Other types, such as ``text`` for a path, are named as in
+    `kind_of`.
+    """
     if not isinstance(value, dict):
         return kind_of(value)
     if {*SENSORS} & {*value}:
@@ -58,7 +62,7 @@ class Wheel(Keys):
 
 
 def existing(folder=False):
-    """Return the type of a path to a file that exists, or a folder of files if `folder`.
+    """Return the type of a path to an existing file or, if `folder`, to a file or a folder.
 
     If a log is declared without a config, the validation has no context, and no path is checked.
     """

@@ -1,4 +1,4 @@
-"""General types of config values, of one or several types, and mappings that report all faults."""
+"""General types of the values in a config, and the mapping of keys that reports all faults."""
 
 from typing import Annotated, Union
 
@@ -30,9 +30,9 @@ def kind_of(value):
 
 
 def either(by=kind_of, **types):
-    """Return the type of a value that may have one of several `types`, given by name.
+    """Return the type of a value that may have one of several `types`, by their names.
 
-    `by` is a function that returns the name of the type that a value has to fit.
+    `by` is a function that takes a value and returns the name of the type that it has to fit.
     """
     members = tuple(Annotated[member, Tag(BRANCH + name)] for name, member in types.items())
     # members is a tuple, which | does not take
@@ -75,7 +75,10 @@ class Keys(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _add_faults(cls, data, validate, info):
-        """Validate each key by itself, then what depends on several keys; raise all faults."""
+        """Return the model of a mapping; raise a ValidationError with all faults of its keys.
+
+        These are the faults of each key by itself, and those that depend on several keys.
+        """
         model, errors, faults = None, [], []
         try:
             model = validate(data)

@@ -184,7 +184,7 @@ class Device(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of ranges, and of counts without a scale."""
+        """Yield a fault for each wrong range, and for each session in counts without a scale."""
         sensor, ranges = keys.get("sensor", ""), keys.get("range", {})
         nominal = keys.get("nominal", {})
         if None in (sensor, ranges, nominal):
@@ -231,7 +231,7 @@ class Config(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of the folders."""
+        """Yield the faults of the folders `mirror` and `cache`."""
         mirror, cache = keys.get("mirror") or "", keys.get("cache") or ""
         if mirror and not os.path.isdir(mirror):
             yield ("mirror",), f"there is no folder {mirror}"

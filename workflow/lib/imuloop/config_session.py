@@ -268,7 +268,7 @@ class Session(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield each key that the kind of session needs, and a reference that it cannot have."""
+        """Yield a fault for each key that this kind of session lacks, or cannot have."""
         kind = keys.get("kind")
         instead = {"axis", "angle"} if "sections" in keys else {*()}
         for key in {*NEEDED.get(kind, ())} - {*keys} - instead:

@@ -42,10 +42,10 @@ def unreadable(path):
 
 
 def read_keys(text):
-    """Return the line number of each key in a config's text, and the faults, two dicts by key.
+    """Return the line number of each key in the text of a config, and its faults, two dicts by key.
 
-    A key is the tuple of all names and indices that lead to a value. A fault is the text on a value
-    that YAML reads otherwise than the user means it.
+    A key is the tuple of all names and indices that lead to a value. A fault is a text: a key is
+    given twice, or YAML takes a value for another type than the user.
     """
     lines, faults, waiting = {}, {}, [((), yaml.compose(text, LOADER))]
     for key, node in waiting:
@@ -69,7 +69,7 @@ def read_keys(text):
 
 
 def _typed(node):
-    """Return text with the type of a node by YAML, such as ``str``, a blank, and its value."""
+    """Return the type of a node by YAML and its value as text, such as ``str 1e-3``."""
     return f"{node.tag.rpartition(':')[2]} {node.value}"
 
 

@@ -1,4 +1,4 @@
-"""Declarations of a device without a config, which the model of a config checks, too."""
+"""Declarations about a device without a config: options of a command, or Python arguments."""
 
 from imuloop.config import STAGES
 from imuloop.core.errors import ImuloopError, nearest
@@ -11,6 +11,8 @@ KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal", "gra
 
 def check_declared(keys, name="device", settings=None):
     """Return declared keys as plain data; raise an ImuloopError for the first fault in them.
+
+    The keys are checked by the rules for a config.
 
     Parameters
     ----------

@@ -90,10 +90,12 @@ def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
 
 
 def _failure(name, device, config):
-    """Return the Failure of a resolved device, or None if its part of the report is up to date.
+    """Return the Failure of a device, or None if its part of the report is up to date.
 
-    It is that of the first output that is missing, or of the part itself if this is older than a
-    log or a result of the device.
+    The stage that failed is the one whose output is missing, the first in the order of `OUTPUTS`.
+    If all are there, but the part of the report is older than a log or a result, it is the stage
+    `report_device`. `name` is the name of the device, `device` the device as `resolve` returns it,
+    and `config` the config.
     """
     for stage, pattern in OUTPUTS.items():
         for session, plan in device["sessions"].items() if "{" in pattern else [("", {})]:
@@ -122,10 +124,10 @@ def _failure(name, device, config):
 
 
 def _source(session, config):
-    """Return rule, name and log of the job for the first missing file of a session, or None.
+    """Return rule, name and log of the job that should have made a log of a session, or None.
 
-    Only files that a job fetches or simulates count. `session` is a session of a resolved device,
-    and `config` is the config.
+    Only files that are fetched or simulated come from a job. The first missing file gives the job.
+    `session` is a session as `resolve` returns it, and `config` the config.
     """
     for source in session["sources"].values():
         path = source_path(source, config.get("cache", "data/cache"))

@@ -15,7 +15,7 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 
 def path_fault(path):
-    """Return the fault of a path that Snakemake cannot use, text, or None if it can."""
+    """Return the reason, text, if Snakemake cannot use a path; None if it can."""
     if not path.isprintable() or path != path.strip():
         return f"{path!a} has a blank at an end or what cannot be printed; rename it"
     if re.search(r"\{.*\}", path):
@@ -24,7 +24,7 @@ def path_fault(path):
 
 
 def file_fault(path, replicas, folder=False):
-    """Return the fault of the path of an input as text, or None for a sound path.
+    """Return the reason, text, if a path cannot be an input of the workflow; None if it can.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Turn a log that `imuloop.calibrate` takes, such as arrays, into a path or a table."""
+"""The logs that `imuloop.calibrate` takes, such as arrays, as paths or tables."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -24,10 +24,11 @@ ARRAYS = {
 
 
 def log_of(log, columns=None, name="log"):
-    """Return a log as a path or a DataFrame, or a dict of these for the two sensors.
+    """Return a log as a path or a DataFrame, or as a dict with one of these for each sensor.
 
-    `log` is a path, a DataFrame, a mapping, or arrays. `columns` are the declared columns, and
-    `name` is the name of the log in messages. Raises an ImuloopError for a value that is not a log.
+    `log` is a path, a DataFrame, arrays, or a mapping, as `imuloop.calibrate` takes it. `columns`
+    are the declared columns, and `name` is the name of the log in messages. Raises an ImuloopError
+    for a value that is not a log.
     """
     if isinstance(log, FILE):
         if not Path(log).exists():
@@ -59,7 +60,7 @@ def log_of(log, columns=None, name="log"):
 
 
 def _table_of_arrays(arrays):
-    """Return a log of arrays by their names in `ARRAYS`, a dict, as a DataFrame.
+    """Return the DataFrame of a log of arrays, a dict by their names in `ARRAYS`.
 
     Raises an ImuloopError for an array that is missing, or has another name or a wrong shape.
     """

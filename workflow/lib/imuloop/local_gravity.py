@@ -1,4 +1,4 @@
-"""Local gravity from latitude and height."""
+"""Local gravity by latitude and height."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ import numpy as np
 def normal_gravity(latitude, height):
     """Return normal gravity on and above the WGS 84 ellipsoid, m/s^2.
 
-    On the ellipsoid it is ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), above it
+    On the ellipsoid it is ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), and above it
     ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``. φ is the geodetic `latitude`, degrees,
-    and h the `height` above the ellipsoid, m. The other symbols are constants of WGS 84: ge is
+    and h the `height` above the ellipsoid, m. All other symbols are constants of WGS 84: ge is
     gravity at the equator, k the constant of Somigliana's formula, e² the squared eccentricity, a
-    the semi-major axis in m, f the flattening, and m the ratio of the centrifugal acceleration to
+    the semi-major axis, m, f the flattening, and m the ratio of the centrifugal acceleration to
     gravity at the equator.
 
     References

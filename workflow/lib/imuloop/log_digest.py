@@ -38,7 +38,7 @@ def log_digests(paths, record):
 
 @cache
 def _read_record(record):
-    """Return state and SHA-256 of files, a list for each path, from the lines of a record file."""
+    """Return the content of a record file, a dict by path: a list of the state and the SHA-256."""
     digests = {}
     with suppress(OSError):
         for line in Path(record).read_text().splitlines():

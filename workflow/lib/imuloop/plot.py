@@ -11,16 +11,16 @@ from imuloop.report.results import read_device
 class Plots:
     """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them.
 
-    Arguments are names: of a sensor, of a session, or a figure's own. Only the figures whose names
-    contain all of them are drawn; a name that no figure has raises an ImuloopError.
+    The arguments of a method are names of sensors, sessions or figures. Only figures whose names
+    contain all of them are drawn. A name that no figure has raises an ImuloopError. The methods:
 
     - `loop`: errors as logged, calibrated and with the effects corrected.
     - `poses`: attitudes that were covered.
-    - `attitude`: error of the vertical on stretches that no model has seen.
-    - `series`: samples of each session, with the stretches taken as rest.
+    - `attitude`: error of gravity's direction in held-out stretches of a log.
+    - `series`: samples of each session, with its rests.
     - `allan`: Allan deviation of each session, with its model.
     - `spectra`: power spectral density of each session.
-    - `residuals`: held-out residuals of poses, moves and reference.
+    - `residuals`: held-out errors of poses, moves and windows with a reference.
     - `bias`: bias over time at rest.
     - `temperature`: bias at rest against the temperature, with the fitted curve.
     - `corrected`: Allan deviation as logged and with the effects removed.
@@ -31,7 +31,7 @@ class Plots:
         self._device = read_device(device)
 
     def pictures(self, kind):
-        """Return the `Picture` objects of one of `KINDS`."""
+        """Return the Pictures of one kind, a list; `kind` is one of `KINDS`."""
         return pictures(self._device, kind)
 
     def __getattr__(self, kind):

@@ -56,7 +56,7 @@ class Result:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines on facts that the user should look at in the logs that were used."""
+        """Lines on facts in the logs that the user should look at: the warnings of ingest."""
         by_session = self._qualities.items()
         return tuple(f"{self._log(n)}: {text}" for n, q in by_session for text in q["warnings"])
 
@@ -82,7 +82,7 @@ class Result:
 
     @property
     def verdict(self) -> dict:
-        """Verdict of each sensor in each kind of record, as ``verdict["gyroscope"]["poses"]``."""
+        """Verdict by sensor and kind of data, such as ``verdict["gyroscope"]["poses"]``."""
         return {
             sensor: {record: block["verdict"] for record, block in records.items()}
             for sensor, records in self.diagnosis["sensors"].items()
@@ -97,7 +97,7 @@ class Result:
         return Plots(self.device)
 
     def _write_curves(self):
-        """Write the Allan curves of all sessions unless they exist; only pictures show them."""
+        """Write the Allan curves of all sessions unless they exist; only pictures need them."""
         if not all(files["allan"].exists() for files in self.device.sessions.values()):
             chain.allan(self.device)
 
@@ -184,7 +184,7 @@ class Result:
 def verdict_lines(diagnosis):
     """Return the verdicts of a diagnosis as lines of text, a list.
 
-    Records with the same verdict share a line. `diagnosis` is the content of diagnosis.json.
+    Kinds of data with the same verdict share a line. `diagnosis` is the content of diagnosis.json.
     """
     from imuloop.report.findings import blocks
     from imuloop.report.page import phrase
@@ -288,9 +288,9 @@ def _link(page, name, folder):
 
 
 def _basis(sensor):
-    """Return the origin of a sensor's calibration, with its scale factors and biases, text.
+    """Return a text on a SensorCalibration: its method, its scale factors and its biases.
 
-    `sensor` is the SensorCalibration. Values have their standard errors.
+    The values have their standard errors.
     """
     from imuloop.report.numbers import typeset, with_sigma
     from imuloop.report.page import WORDS

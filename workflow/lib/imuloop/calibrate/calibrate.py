@@ -48,10 +48,11 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
     """Return the JointFit, the set-up of a fit of both sensors, and why a sensor cannot be fitted.
 
-    The fit starts from the result of a first fit, with equal weights for residuals of a kind. So
-    the variance components are estimated near the solution even if it is far from the prior. If the
-    first fit does not converge, or leaves residuals above `MISFIT` standard deviations, the data
-    contradict each other, and the start is the mean of the prior.
+    The state to start from is the result of a first fit, in which all residuals of a kind have the
+    standard deviation `START`. So the variance components are estimated near the solution even if
+    the solution is far from the prior. The start is the mean of the prior instead if the first fit
+    does not converge, or if the root mean square of its residuals is above `MISFIT` of these
+    standard deviations: the data then contradict each other.
 
     Parameters
     ----------
@@ -64,8 +65,8 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the fit shall hold this
-        bias.
+        Bias of the gyroscope and its variance, nominal SI, (3,) each. If given, the fit takes this
+        bias as known and does not estimate it from the rests.
 
     Returns
     -------
@@ -110,11 +111,12 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
 
 
 def prior_rows(prior, turns, bias):
-    """Return the prior of the 21 parameters x of a fit as rows: R, (k, 21), and z, (k,).
+    """Return the prior of the 21 parameters x of a fit as k linear equations ``R x = z``.
 
-    ``R x - z`` has mean zero and independent components of variance one. It comes from the Prior
-    `prior` and, unless they are None, from the KnownTurns `turns`. `bias`, if not None, is the
-    gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of the prior.
+    R, (k, 21), and z, (k,), are scaled so that the components of ``R x - z`` are independent with
+    mean zero and variance one. The first equations are from the Prior `prior`, and the next from
+    the KnownTurns `turns`, unless it is None. `bias` is None or the gyroscope's bias and its
+    variance, nominal SI, (3,) each; it replaces the bias of the prior.
     """
     if bias is not None:
         prior = prior.with_part(BIAS, mean=bias[0], covariance=np.diag(bias[1]))
@@ -128,9 +130,9 @@ def prior_rows(prior, turns, bias):
 def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, turns=None):
     """Return the calibrations of both sensors by one fit to poses, rotations and known turns.
 
-    A sensor without data, or with data that contradict each other, has no fit. Its T, K and b are
-    then the means of the prior, and its calibration has the reason; the bias of a gyroscope without
-    a fit is still measured at rest.
+    A sensor without data, or with data that contradict each other, is not fitted. Its misalignment
+    T, scale factors K and bias b are then the means of the prior, and its calibration says why. The
+    bias of a gyroscope that is not fitted is still measured at rest.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
     units : dict of str to RawUnit
         Raw unit of each sensor, its scale and offset by the data sheet.
     settings : CalibrateSettings
-        Settings; its `gyroscope_bias` says whether the bias is the mean over the first rest.
+        Its `gyroscope_bias` says whether the bias of the gyroscope is its mean over the first rest.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
@@ -177,18 +179,21 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
 
 
 def contradictions(joint, solution, recording):
-    """Return the sensors whose data contradict each other, a dict with the reason of each.
+    """Return why the data of a sensor contradict each other, by sensor; empty if none do.
 
-    The data of a sensor contradict each other in two cases: the fit gives values that no sensor
-    has, or the residuals are larger than the prior allows. In these cases, and if the reduced χ² is
-    above `CONTRADICTORY`, a change of the sensor during the recording is looked for, too. If there
-    is one that the effects of the fit do not explain, the change is the reason.
+    The data of a sensor contradict each other in three cases:
 
-    The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor after the fit,
-    their Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² before the
-    fit. For the accelerometer q is the quantile of χ²(n) that is exceeded with the probability
-    `CHANCE`. For the gyroscope q is n, the mean of χ²(n). This is stricter, because refusing its
-    fit costs little: a rest still gives its bias.
+    - the fit gives values that no sensor has;
+    - the residuals of the sensor are larger than the prior allows;
+    - the sensor changed during the recording, and the effects of the fit do not explain the change.
+      A change is looked for in the first two cases, whose reason it replaces, and if the reduced χ²
+      is above `CONTRADICTORY`.
+
+    The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, where r are the n residuals of the sensor after the
+    fit, J is their Jacobian, and P₀ the covariance of the prior. The trace is the expected value of
+    |r|² before the fit. For the accelerometer q is the quantile of χ²(n) that is exceeded with the
+    probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n). The limit is lower, because
+    little is lost without the fit of a gyroscope: its bias is still measured at rest.
 
     Parameters
     ----------
@@ -233,10 +238,10 @@ def contradictions(joint, solution, recording):
 def calibrate_device(
     *, device, gravity, sessions, noise, settings, six_path, multi_path, prior=None
 ):
-    """Write the six-position and the multi-position calibration of a device, JSON files.
+    """Write two JSON files: the six-position and the multi-position calibration of a device.
 
-    Turns of a known angle or rate are part of the multi-position calibration. A device that only
-    rested gets the bias of its gyroscope from the static sessions.
+    Turns by a known angle or at a known rate are part of the multi-position calibration. If the
+    multi-position sessions have no pose, it has the bias of the gyroscope in the static sessions.
 
     Parameters
     ----------

@@ -46,41 +46,42 @@ UNEVEN = 2.0
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of m poses or rotations, with c components each, by one calibration for all.
+    """Errors that one calibration leaves in m poses or m rotations, with c components each.
 
-    Errors of poses are shares of gravity, errors of rotations are rad.
+    The error of a pose is a share of gravity (c = 1), the error of a rotation is in rad (c = 2).
     """
 
     values: np.ndarray  # (m, c): errors
     # (m, c, 9): their derivative with respect to the first nine parameters of the sensor
     design: np.ndarray
-    # (m, c, c): covariance of the errors by the uncertain direction of gravity; zero for poses
+    # (m, c, c): covariance of the errors that the uncertain direction of gravity causes; zero for
+    # poses
     spread: np.ndarray
 
     def sizes(self):
-        """Return the norm of each error, (m,), after a robust fit of the parameters to all."""
+        """Return the norm of each error, (m,), after a robust fit of the nine parameters to all."""
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
         return np.linalg.norm(self.values + self.design @ p, axis=1)
 
 
 def fit_robustly(residuals, derivative, start):
-    """Return the p parameters of a fit, (p,), that few large residuals hardly change.
+    """Return the parameters, (p,), of a least-squares fit that a few large residuals hardly change.
 
-    The loss, soft-L1, is quadratic for residuals below `SOFT_L1_SCALE` and linear for larger ones.
-    `residuals` and `derivative` are functions of the parameters that return the residuals, (n,),
-    and their Jacobian, (n, p). The fit begins at the parameters `start`, (p,).
+    The soft-L1 loss is quadratic for residuals below `SOFT_L1_SCALE` and linear for larger ones.
+    `residuals` is a function of the parameters that returns the n residuals, (n,), and `derivative`
+    one that returns their Jacobian, (n, p). The fit begins at the parameters `start`, (p,).
     """
     options = {"loss": "soft_l1", "f_scale": SOFT_L1_SCALE, "x_scale": "jac"}
     return least_squares(residuals, start, derivative, **options).x
 
 
 def inverse_root(jacobian):
-    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹``, of a Jacobian J, (n, p), of p parameters.
+    """Return a root R of the covariance of p parameters, ``R Rᵀ = (Jᵀ J)⁻¹``, (p, p).
 
-    R is a root of their covariance if the residuals have the variance one. In directions that J
-    does not determine R is large but finite: singular values below the share `UNSEEN` of the
-    largest one are raised to it.
+    J is the Jacobian of n residuals with variance one, (n, p). In directions of the parameters that
+    J does not determine R is large but finite, because singular values of J below the share
+    `UNSEEN` of the largest one are raised to this share.
     """
     # columns of one length, so that the units of the parameters do not matter
     size = np.linalg.norm(jacobian, axis=0)
@@ -93,15 +94,17 @@ def inverse_root(jacobian):
 
 
 def fit_gravity_norm(f):
-    """Fit the accelerometer to the norm of gravity at n poses, robustly.
+    """Return the nine parameters of the accelerometer by the norm of gravity at n poses.
 
-    A wide prior about the data sheet keeps parameters there that the poses do not determine. Takes
-    the mean specific force at the poses, in shares of gravity, (n, 3).
+    The fit is robust: a few poses with large errors hardly change it. A wide prior keeps parameters
+    that the poses do not determine near the data sheet. `f` is the mean specific force at the
+    poses, in shares of gravity, (n, 3).
 
     Returns
     -------
     ndarray, shape (9,)
-        The parameters: three elements of T, then K and b, the latter in shares of gravity.
+        Three elements of the misalignment T, the scale factors K, and the bias b in shares of
+        gravity.
     ndarray, shape (9, 9)
         A root R of their covariance ``R Rᵀ``.
     """
@@ -126,13 +129,14 @@ def fit_gravity_norm(f):
 
 
 def sensor_errors(sensor, recording):
-    """Return the Errors of a sensor, given by its name, in a Recording.
+    """Return the Errors of the sensor with the name `sensor` in a Recording.
 
     For the accelerometer they are the errors of the norm of gravity at the n poses, in shares of
     gravity, after a fit of its nine parameters. For the gyroscope they are the errors of the m
-    rotations, rad, with nominal T and K. A rotation carries the direction of gravity from one pose
-    to the next. Its error has two components, across the direction that the accelerometer measures
-    at the next pose. The bias of a rotation is the mean rate of both poses, as the bias may drift.
+    rotations, rad, with the nominal misalignment T and scale factors K. A rotation carries the
+    direction of gravity from one pose to the next. Its error has two components, both across the
+    direction of gravity that the accelerometer measures at the next pose. The bias in a rotation is
+    taken as the mean angular rate at both poses, because the bias may drift.
     """
     poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
     # in shares of gravity, as the accelerometer's scale may be far from the declared one
@@ -159,20 +163,25 @@ def sensor_errors(sensor, recording):
 
 
 def sensors_work(poses):
-    """Return whether all Poses have a specific force above zero and a finite angular rate."""
+    """Return whether all Poses, at least one, have a specific force and a finite angular rate."""
     norm = np.linalg.norm(poses.f, axis=1)
     return len(norm) > 0 and bool(np.all(norm > 0) and np.isfinite(poses.w).all())
 
 
 def odd_turns(recording):
-    """Return which of m rotations of a Recording contradict the others, and the errors of all.
+    """Return which of the m rotations of a Recording contradict the others, and all their errors.
 
     The first result is a mask, (m,). The second has the size of the error of each rotation, rad,
-    (m,), by a robust fit of the gyroscope to all rotations. A rotation contradicts the others if
-    its error is larger than `TURN`, than `TIMES` the median of all errors, and than `TIMES` its own
-    uncertainty, by undersampling, missing samples, and directions of gravity that the poses do not
-    determine. No rotation is marked if more than a few contradict the others, or if there are fewer
-    than `FEWEST`.
+    (m,), after a robust fit of the gyroscope to all rotations. A rotation contradicts the others if
+    its error is larger than each of these:
+
+    - `TURN`;
+    - `TIMES` the median of all errors;
+    - `TIMES` the standard deviation that undersampling, missing samples, jitter and the uncertain
+      direction of gravity give this error.
+
+    The mask is false everywhere if there are fewer than `FEWEST` rotations, or if more than the
+    share `SHARE` of them, and more than one, contradict the others.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
@@ -190,19 +199,20 @@ def odd_turns(recording):
 def find_change(errors, fewest, least):
     """Return the index k of the first error after a sensor changed; None if it did not change.
 
-    For each k, the errors are split in those before k and those from k on. The parameters of the
-    sensor are fitted to one part and predict the errors of the other. If the parts contradict each
-    other, the sensor may have changed at k. The result is the split with the longest fitted part
-    among the splits whose fitted part has nearly the smallest residuals.
+    For each k, the errors are divided in two parts: those before k, and those from k on. The
+    parameters of the sensor are fitted to one part and predict the errors of the other part. The
+    sensor may have changed at k if at least the share `MOST` of the predictions contradict the
+    errors. Several k may qualify. Of those whose fit has residuals up to `UNEVEN` times the
+    smallest ones, the result is the k whose fit has the most errors.
 
     Parameters
     ----------
     errors : Errors
-        Errors of m poses or rotations in order of time.
+        Errors of poses, or of rotations, in order of time.
     fewest : int
         Fewest poses or rotations that determine the parameters.
     least : float
-        Least size of an error that contradicts, in the unit of the errors.
+        Size of an error, in the unit of `errors`, below which it contradicts no prediction.
     """
     n, splits = len(errors.values), []
     # without enough large errors, no part can contradict the other
@@ -221,11 +231,12 @@ def find_change(errors, fewest, least):
 
 
 def _predict_others(errors, fitted, least):
-    """Return the size of the residuals of fitted errors, and the share of others that contradict.
+    """Return the standard deviation of a fit to some errors, and the share of others it misses.
 
-    The nine parameters are fitted to the errors of the mask `fitted`, (m,), and predict the others.
-    The size is the standard deviation of the residuals of the fit. An error contradicts if its
-    difference from the prediction is larger than `least` and than `TIMES` its standard deviation.
+    The nine parameters of a sensor are fitted to the Errors that the mask `fitted`, (m,), chooses,
+    and predict the other errors. The first result is the standard deviation of the residuals of the
+    fit. The second is the share of the other errors that contradict the prediction: their
+    difference from it is larger than `least`, and larger than `TIMES` its own standard deviation.
     """
     jacobian, y = errors.design[fitted].reshape(-1, 9), errors.values[fitted].ravel()
     root = inverse_root(jacobian)
@@ -247,8 +258,8 @@ def _predict_others(errors, fitted, least):
 def change_of_sensor(sensor, recording):
     """Return when a sensor changed during a Recording, s, and a sentence on the change, or None.
 
-    The result is None if the sensor, given by its name, did not change, if the recording has
-    several sessions, or if the recording has too few poses or rotations to tell.
+    `sensor` is the name of the sensor. The result is None if it did not change, if the recording
+    has several sessions, or if it has too few poses (accelerometer) or rotations (gyroscope).
     """
     poses, (measurements, part) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
@@ -268,9 +279,9 @@ def change_of_sensor(sensor, recording):
 
 
 def why_changed(sensor, recording):
-    """Return a sentence that says when a sensor changed during a Recording, and why this is so.
+    """Return a sentence on when a sensor changed during a Recording, and on the evidence.
 
-    The result is None if the sensor, given by its name, did not change or if the data cannot tell.
+    `sensor` is the name of the sensor. The result is None if no change can be shown.
     """
     time_and_text = change_of_sensor(sensor, recording)
     return time_and_text and time_and_text[1]

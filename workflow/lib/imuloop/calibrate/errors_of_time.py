@@ -1,7 +1,7 @@
 """Errors of rotations by dropped samples and by jitter of time stamps.
 
-Both errors are measured on the motion itself. Samples are taken as dropped independently of the
-motion.
+Both errors are measured on the motion itself. It is assumed that samples are dropped independently
+of the motion.
 """
 
 import numpy as np
@@ -23,8 +23,8 @@ LEAST_JITTER = 0.02
 def errors_of_time(t, w, begin, last, bias, variance):
     """Return the errors of m rotations by dropped samples and by jitter of the time stamps.
 
-    The angular rate over a gap is interpolated. The error of the angle is measured where the
-    samples are complete, by leaving out as many samples there.
+    The angular rate over a gap is interpolated. The error of the angle over a gap of n samples is
+    measured where the samples are complete: n of them are left out and interpolated.
 
     Jitter matters if the samples were taken at even steps. A time stamp that is late by e makes the
     step before it longer by e and the step after it shorter by e. The angle is then wrong by e
@@ -45,8 +45,8 @@ def errors_of_time(t, w, begin, last, bias, variance):
         Covariance of the error that arises in each of `PARTS` equal parts of a rotation, on body
         axes, rad².
     accurate : ndarray of bool, shape (m,)
-        Whether the standard deviation of the angle by all gaps is below that by the noise of the
-        gyroscope, or below the share `LARGEST_ERROR` of the angle.
+        Whether a rotation can be used: the standard deviation of its angle by all gaps is at most
+        the standard deviation by the noise of the gyroscope, or `LARGEST_ERROR` of the angle.
     longest : ndarray of int, shape (m,)
         Largest number of samples dropped in a row.
     """
@@ -69,11 +69,11 @@ def errors_of_time(t, w, begin, last, bias, variance):
 
 
 def _estimate_jitter(t, w, usual):
-    """Return the standard deviation of the jitter of time stamps, s, a float.
+    """Return the standard deviation of the jitter of the time stamps of a log, s.
 
-    The result is zero if the jitter is below the share `LEAST_JITTER` of a step, or if the samples
-    were taken at their uneven time stamps, which are then right. Takes time t, s, (N,), angular
-    rate w, rad/s, (N, 3), and the usual step, s.
+    The result is zero in two cases: the jitter is below the share `LEAST_JITTER` of a step, or the
+    uneven time stamps are right, because the samples were taken at them. `t` are the time stamps,
+    s, (N,), `w` is the angular rate, rad/s, (N, 3), and `usual` the median step, s.
     """
     # `bend` is a time stamp less the mean of its neighbours, with 1.5 times the variance of one.
     # The median of |e| of a normal variable e is 0.6745 of its standard deviation
@@ -86,12 +86,12 @@ def _estimate_jitter(t, w, usual):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the rotation over each step by samples lost in it, rad².
+    """Return the covariance, rad², of the angle over each time step due to samples lost in it.
 
-    The result has the shape (k - 1, 3, 3). It is zero for a step without lost samples, and infinite
-    if so many are lost that the error cannot be measured. Takes angular rate w, rad/s, (k, 3), of
-    the k samples of a rotation, the number of samples `lost` in each step, (k - 1,), and the usual
-    step, s.
+    The result has the shape (k - 1, 3, 3) for a rotation of k samples. It is zero for a step
+    without lost samples, and infinite if fewer than `FEWEST` windows of the rotation can measure
+    the error. `w` is the angular rate, rad/s, (k, 3), `lost` the number of samples lost in each
+    step, (k - 1,), and `usual` the median step of the log, s.
     """
     covariance = np.zeros((len(lost), 3, 3))
     for n in set(lost[lost > 0].tolist()):
@@ -102,10 +102,11 @@ def gap_covariance(w, lost, usual):
 def _interpolation_error(w, lost, n, usual):
     """Return the mean square error of the angle over a gap of n samples, rad², (3, 3).
 
-    The angle is by interpolation of the rate over the gap. Its error is measured in all windows of
-    a rotation that have all samples, as if n of them were missing. The result is infinite if there
-    are fewer than `FEWEST` windows. Takes angular rate w, rad/s, (k, 3), the number of samples
-    `lost` in each step, (k - 1,), and the usual step, s.
+    The angle over a gap follows from the interpolated angular rate. Its error is measured in all
+    windows of a rotation in which no sample is missing: n samples are left out and interpolated.
+    The result is infinite if there are fewer than `FEWEST` windows. `w` is the angular rate of the
+    k samples of the rotation, rad/s, (k, 3), `lost` the number of samples lost in each step,
+    (k - 1,), and `usual` the median step of the log, s.
     """
     # a window has n + 3 steps: the one before the gap, the n + 1 of the gap, and the one after it
     complete_steps = np.convolve(lost == 0, np.ones(n + 3), "valid")

@@ -14,10 +14,11 @@ SAME = 5.0
 
 
 def nominal_sensors(reasons, recording, noise, units, prior):
-    """Return the calibrations of sensors without a fit, a dict of SensorCalibration by sensor.
+    """Return the calibrations of sensors that were not fitted, a dict of SensorCalibration by name.
 
-    Their misalignment T, scale factors K and bias b are the means of the prior. If there is a rest,
-    the bias of the gyroscope is measured instead, unless this bias changed during the recording.
+    Their misalignment T, scale factors K and bias b are the means of the prior. The bias of the
+    gyroscope is its mean over the rests instead, if there is a rest and if this bias did not change
+    during the recording.
 
     Parameters
     ----------
@@ -48,21 +49,23 @@ def nominal_sensors(reasons, recording, noise, units, prior):
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
-    """Return the SensorCalibration of a gyroscope that only rested: only its bias is measured.
+    """Return the SensorCalibration of a gyroscope whose bias alone is measured, at rest.
 
     The bias is the mean over the poses, weighted by the inverse covariance of their noise. If the
-    bias varies more between n power cycles than the noise explains, the result is the mean over the
-    power cycles, with the variance ``s²/n``, where s² is the variance between them.
+    variance ``s²/c`` of the mean over c power cycles is larger than the variance by the noise, the
+    bias is the mean over the power cycles, with this variance. s² is the sample variance of the
+    bias between power cycles.
 
-    The bias is nominal if there is no rest, if the noise of an axis is not known, or if the biases
-    before and after the time `changed` differ by more than `SAME` standard deviations.
+    The bias is not measured, and the result nominal, if there are no rests, if the noise of an axis
+    is not known, or if the biases before and after the time `changed` differ by more than `SAME`
+    standard deviations.
 
     Parameters
     ----------
     poses, noise, unit : Poses, NoiseModel, RawUnit
         The n rests, the noise of the device, and the raw unit of the gyroscope.
     reason : str
-        Why the other parameters are not calibrated.
+        Why misalignment and scale factors are not calibrated.
     changed : float, optional
         Time at which the gyroscope changed, s; by default never.
     """
@@ -74,7 +77,7 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
 
     def mean_over(rows):
-        """Return the mean rate over some poses, (3,), and the share of each pose in it, (3, n)."""
+        """Return the mean rate over the poses of a mask, (3,), and the weight of each, (3, n)."""
         shares = weights * rows
         shares /= shares.sum(axis=1, keepdims=True)
         return np.sum(shares * poses.w.T, axis=1), shares

@@ -36,7 +36,10 @@ class Table:
 
 @dataclass(frozen=True)
 class Poses(Table):
-    """Means over n poses, in which the device rests. All fields are arrays with a row per pose."""
+    """Means over the samples of n poses, in which the device rests.
+
+    Each field has a row per pose.
+    """
 
     # index of the session, and number of the power cycle, from one switching-on to the next: no two
     # sessions share a power cycle, and the noise of different power cycles is independent
@@ -52,7 +55,7 @@ class Poses(Table):
     temperature: np.ndarray | None  # mean, degC; None unless every session logs a temperature
     # variance that rounding to the number format and tilts add to the six means, (n, 6)
     extra_variance: np.ndarray
-    # root mean square of the tilt that both sensors show in the pose, rad, (n,)
+    # root mean square of the tilt within the pose, as both sensors show it, rad, (n,)
     tilt: np.ndarray
     # time from the mean attitude of the pose to its start and to its end, s, (n, 2), the first one
     # negative; zero where the device lies still
@@ -67,20 +70,21 @@ class Poses(Table):
 
     @property
     def windows(self):
-        """Start and end, s, (n, 2), of a window about the middle of each pose, as long as its rest.
+        """Start and end, s, (n, 2), of a window about the middle of each pose.
 
-        A rest that was interrupted is shorter than its pose.
+        It lasts as long as the device rested. This is shorter than the pose if the rest was
+        interrupted.
         """
         half = self.duration_s / 2
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
     def mean_covariance(self, noise):
-        """Return the covariance of the means over the poses, (6, n, n), SI units squared.
+        """Return the covariance of the means over n poses, SI units squared, (6, n, n).
 
-        There is one for each channel, ax … gz. It is the covariance that the NoiseModel `noise`
-        predicts, plus the variance by rounding and tilts, which is independent between poses. If
-        the noise of a channel is not known, its covariance is diagonal: the sample variance within
-        the pose over the number of samples.
+        The first axis is the channel, ax … gz; the others are the poses. The covariance of a
+        channel is the one that the NoiseModel `noise` predicts, plus the variance by rounding and
+        tilts, which is independent between poses. If the noise of the channel is not known, the
+        covariance is diagonal instead: sample variance within a pose over its number of samples.
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):
@@ -90,10 +94,11 @@ class Poses(Table):
         return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return a text that says why the noise of some channels is not known; None if it is known.
+        """Return a text on why the noise of some channels is not known; None if it is known.
 
-        Means over the poses cannot be weighted in a fit if their covariance, which follows from the
-        NoiseModel `noise`, is singular. `channels` has the names of the channels.
+        A fit weights the means over the poses by the inverse of their covariance. The noise of a
+        channel counts as not known if the covariance by the NoiseModel `noise` is singular.
+        `channels` has the names of the channels.
         """
         chosen = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[chosen])
@@ -111,20 +116,20 @@ class Poses(Table):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    A segment is a rest, a move or a gap of a session. Rests of one power cycle that share a pose
-    number are one pose, and count in its means by their number of samples. `segments` has the table
-    of each session, a DataFrame or a dict of arrays with a row per segment.
+    `segments` has a table for each session, a DataFrame or a dict of arrays. A row of it is a
+    segment: a rest, a move or a gap. Rests of one power cycle that share a pose number are one
+    pose. Its means are means over the samples of all these rests.
     """
     # the rests that are part of a pose: others have the number -1
     chosen = [(np.asarray(t["kind"]) == STATIC) & (np.asarray(t["pose"]) >= 0) for t in segments]
 
     def join(columns):
-        """Return a column of all r rests, (r,), from the column of each session's segments."""
+        """Return one column of the r rests of all sessions, (r,); `columns` has it by session."""
         by_session = zip(columns, chosen, strict=True)
         return np.concatenate([np.zeros(0), *(np.asarray(x)[is_rest] for x, is_rest in by_session)])
 
     def column(name):
-        """Return the column of the tables with a name, of all r rests, (r,)."""
+        """Return the column `name` of the tables, for the r rests of all sessions, (r,)."""
         return join(table[name] for table in segments)
 
     session = np.repeat(np.arange(len(chosen)), [np.sum(is_rest) for is_rest in chosen])
@@ -137,7 +142,7 @@ def gather_poses(segments):
     share = of_pose * n / (of_pose @ n)[:, None]
 
     def mean_powers(names, power=1):
-        """Return means over each pose of c columns of the tables, raised to a power, (n, c)."""
+        """Return the means of c columns of the tables to a power, (n, c), over each of n poses."""
         return share @ np.column_stack([column(name) ** power for name in names])
 
     return Poses(
@@ -164,11 +169,11 @@ def gather_poses(segments):
 def rounding_variance(samples, variance):
     r"""Return the variance that rounding adds to the mean of a channel over a rest, a float.
 
-    Samples are rounded to multiples of a step q, the smallest one between their values. The true
-    level of a rest lies anywhere between two multiples, and the samples have white noise of
-    standard deviation σ. Rounding then gives the mean an error of the variance
-    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is q²/12 without noise, and next to
-    nothing from σ = q/2 on.
+    Samples are rounded to multiples of a step q, the smallest distance between their values. The
+    true value at rest lies anywhere between two multiples, and the samples have white noise of
+    standard deviation σ. The rounding error of the mean then has the variance
+    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is q²/12 without noise, and below
+    1 % of this if σ is larger than q/2.
 
     Parameters
     ----------
@@ -198,9 +203,9 @@ def rounding_variance(samples, variance):
 
 
 def add_rounding(poses, logs):
-    """Add to the `extra_variance` of Poses, in place, the variance of their means by rounding.
+    """Add the variance of the means by rounding to the `extra_variance` of Poses, in place.
 
-    `logs` has the Log of each session. Each channel of a log is rounded to its own step.
+    `logs` has the Log of each session. Each channel of a log has its own rounding step.
     """
     for session in np.unique(poses.session):
         rows, log = poses.session == session, logs[session]
@@ -210,22 +215,23 @@ def add_rounding(poses, logs):
 
 
 def add_tilt_turns(poses, logs):
-    r"""Describe the small rotations within the poses that tilt, as in a hand, in place.
+    r"""Set the fields of Poses, in place, for small rotations within a pose, as in a hand.
 
-    The fit takes a pose as one attitude. In a pose that tilts this is the mean attitude, from which
-    the device rotates by φ(t) - φ̄. φ is the rotation since the start of the pose, the integral of
-    the angular rate, and φ̄ its mean over the pose. These fields of the poses that tilt change:
+    The fit takes a pose as one attitude. If the device tilts in a pose, this is the mean attitude.
+    Let φ(t) be the rotation since the start of the pose, the integral of the angular rate, and φ̄
+    its mean over the pose. The rotation from the mean attitude is then φ(t) - φ̄. In poses that
+    tilt these fields change:
 
-    - `to_ends_s` and `w_to_ends`. From the mean attitude the rotation to the start is -φ̄, and the
-      one to the end φ(end) - φ̄. Each is stored as a time, the one to the start negative, and the
-      mean angular rate over it, because the bias in this rate is known only after the fit.
-    - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias: by the
-      square of the rate of a steady rotation with the same root mean square.
+    - `to_ends_s` and `w_to_ends`. The rotation from the mean attitude to the start of the pose is
+      -φ̄, and to its end φ(end) - φ̄. Each is stored as a time, which is negative to the start, and
+      the mean angular rate over this time. The bias in this rate is known only after the fit.
+    - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias. It
+      grows by the squared rate of a steady rotation with the root mean square of the tilt.
     - `f` and `w` become weighted means, unless the rest was interrupted. A hand that moves at the
-      ends of a rest changes the velocity, which adds to the specific force; so the weights fall
-      to zero over `FADE` seconds at both ends. `f` is also made longer: the mean of unit vectors
-      at the angles ε from it has the length ``1 - mean(ε²)/2``.
-    - `duration_s` becomes the duration of an unweighted mean with as much white noise.
+      ends of a rest accelerates the device. So the weights fall to zero over `FADE` seconds at
+      both ends. `f` is also made longer: the mean of unit vectors at the angles ε from their mean
+      direction has the length ``1 - mean(ε²)/2``.
+    - `duration_s` becomes the duration of an unweighted mean with the same white noise.
 
     `poses` are the Poses, and `logs` has the Log of each session.
     """

@@ -46,10 +46,10 @@ class Log:
 
     @classmethod
     def of(cls, samples, rails=None):
-        """Return the Log of samples, a DataFrame or a dict of arrays.
+        """Return the Log of samples, a DataFrame or a dict of arrays by the name of the column.
 
-        `rails` has the ends of the range of each channel by name, (low, high), SI; an end is None
-        if no sample reaches it. By default no sample counts as clipped.
+        `rails` has the ends of the range of each channel by name, (low, high), SI. An end is None
+        if no sample reaches it. Without `rails` no sample counts as clipped.
         """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
@@ -60,11 +60,11 @@ class Log:
         return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
     def channels(self, sensor, output=identity, align_other=identity):
-        """Return the inputs of an effect of a sensor at all N samples, LoggedChannels.
+        """Return the LoggedChannels on which an effect of a sensor depends, at all N samples.
 
         `sensor` is the name of the sensor. `output` converts its values from nominal SI, (N, 3), to
-        ``K (raw - b)``, SI. `align_other` converts values of the other sensor to calibrated ones.
-        By default both stay in nominal SI.
+        the output ``K (raw - b)``, SI. `align_other` converts the values of the other sensor from
+        nominal SI to calibrated SI. By default neither is converted.
         """
         own_name, other_name = OWN[sensor]
         return LoggedChannels(
@@ -87,7 +87,7 @@ class Recording:
     slow_force: bool = False
     # kind of the sessions, which names the method of the calibration
     kind: str = "multi_position"
-    # fate of the sessions if no pose was found, text
+    # why no session has a pose, text; used only if none has a pose
     why_no_pose: str = "no multi_position session with a pose"
 
     @cached_property
@@ -108,16 +108,16 @@ class Recording:
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
 
     def of_new_power_cycles(self):
-        """Return a copy of the Recording with negative numbers of power cycles.
+        """Return a copy of the Recording whose power cycles are new to every calibration.
 
-        A calibration may have a bias for each of the power cycles 0, 1, … that it was fitted to. It
-        has no bias for a negative number, which stands for a power cycle that comes later.
+        A calibration may have a bias for each power cycle 0, 1, … that it was fitted to. The copy
+        has negative numbers of power cycles, for which no calibration has a bias.
         """
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
 
     def pose_channels(self, sensor, output, other, align_other=identity):
-        """Return the inputs of an effect of a sensor at the n poses, Channels.
+        """Return the channels on which an effect of a sensor depends, at the n poses, Channels.
 
         Parameters
         ----------
@@ -128,8 +128,8 @@ class Recording:
         other : ndarray, shape (n, 3)
             Calibrated values of the other sensor at the poses, SI.
         align_other : callable, optional
-            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, such as
-            `other`. Effects that depend on the whole log of N samples use it.
+            Converts the other sensor's samples in a whole log, (N, 3), from nominal to calibrated
+            SI. It is for effects that depend on the whole log.
         """
         poses = self.poses
         return Channels(
@@ -144,7 +144,7 @@ class Recording:
         )
 
     def rotation_channels(self, sensor, output, other, align_other=identity):
-        """Return the inputs of an effect of a sensor along the m rotations, Channels.
+        """Return the channels on which an effect of a sensor depends, along the m rotations.
 
         The Channels have m k points: the k samples of the first rotation, then of the next.
 
@@ -157,16 +157,16 @@ class Recording:
         other : ndarray, shape (m, k, 3)
             Calibrated values of the other sensor along the rotations, SI.
         align_other : callable, optional
-            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, such as
-            `other`. Effects that depend on the whole log of N samples use it.
+            Converts the other sensor's samples in a whole log, (N, 3), from nominal to calibrated
+            SI. It is for effects that depend on the whole log.
         """
         rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
 
         def select_samples(logged):
-            """Return the values at the samples of the rotations, (m k, …).
+            """Return the values of the logs at the k samples of each of m rotations, (m k, …).
 
-            `logged` has an array (N, …) by session, with a value for each sample of its log.
+            `logged` is a dict by session of arrays (N, …), a value for each sample of the log.
             """
             # each time of a rotation is the time of a sample
             rows = zip(session, rotations.t, strict=True)
@@ -185,8 +185,8 @@ class Recording:
         """Return the calibrated specific force, m/s^2, at the n poses and along the m rotations.
 
         The results have the shapes (n, 3) and (m, k, 3), with k samples per rotation. `calibration`
-        is the SensorCalibration of the accelerometer, with its effects. Effects that depend on the
-        angular rate get this rate in nominal SI.
+        is the SensorCalibration of the accelerometer. Its effects are subtracted. Those that depend
+        on the angular rate take this rate in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
         at_poses = self.pose_channels("accelerometer", calibration.output, poses.w)
@@ -195,11 +195,11 @@ class Recording:
         return calibration.apply(poses.f, at_poses), in_rotations.reshape(rotations.f.shape)
 
     def without_effects(self, calibrations):
-        """Return a copy with the effects of calibrations subtracted from poses and rotations.
+        """Return a copy of the Recording from which the effects of calibrations are subtracted.
 
-        `calibrations` is a dict of SensorCalibration by sensor. The specific force and the angular
-        rate that change are in nominal SI. Effects that depend on the other sensor get its values
-        in nominal SI.
+        `calibrations` is a dict of SensorCalibration by sensor. The effects are subtracted from the
+        specific force and the angular rate of poses and rotations, nominal SI. Effects that depend
+        on the other sensor take its values in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
         for sensor, calibration in calibrations.items():
@@ -223,20 +223,21 @@ class Recording:
         return replace(self, poses=poses, rotations=rotations)
 
     def _history(self, sensor, output, align_other, gather):
-        """Return the `history` of Channels, which evaluates a function of the whole log at points.
+        """Return the function `history` of Channels, for effects that depend on the whole log.
 
-        `history` takes a function, of the LoggedChannels of a session and of constants, and these
-        constants. It returns the values of this function at the points of the Channels.
+        ``history(function, *constants)`` evaluates ``function(channels, *constants)`` with the
+        LoggedChannels of each session. It returns the values at the points of the Channels, such as
+        poses or samples of rotations.
 
         Parameters
         ----------
         sensor : str
             Name of the sensor whose effects the channels are for.
         output, align_other : callable
-            Convert values of the sensor, nominal SI, to ``K (raw - b)``, and values of the other
-            sensor to calibrated ones.
+            Convert values of the sensor from nominal SI to ``K (raw - b)``, and values of the other
+            sensor from nominal to calibrated SI.
         gather : callable
-            Takes a dict with an array (N, …) by session, the values at all samples of its log;
+            Takes a dict by session of arrays (N, …), the values at the N samples of the log, and
             returns the values at the points of the Channels.
         """
 
@@ -253,9 +254,9 @@ class Recording:
 
 
 def pose_means(poses, logs, logged):
-    """Return the mean over the samples of each pose, (n, ...), of values of the logs.
+    """Return the mean of logged values over the samples of each of n poses, (n, ...).
 
-    `logged` has an array (N, ...) by session, with a value for each of the N samples of its log.
+    `logged` has for each session an array (N, ...), a value for each of the N samples of its log.
     `poses` are the Poses, and `logs` has the Log of each session.
     """
     means = []
@@ -266,10 +267,10 @@ def pose_means(poses, logs, logged):
 
 
 def record(samples, segments, longest_rotation, rails=None):
-    """Return the Recording of several sessions: poses, and the rotations between them.
+    """Return the Recording of several sessions: their poses, and the rotations between them.
 
-    The poses have temperatures only if every session logs them. Rotations that contradict all
-    others are left out.
+    The poses have temperatures only if every session logs a temperature. Rotations that contradict
+    the others (`odd_turns`) are left out.
 
     Parameters
     ----------
@@ -277,9 +278,10 @@ def record(samples, segments, longest_rotation, rails=None):
         For each session the table of its samples, SI, and the table of its segments: rests, moves,
         gaps.
     longest_rotation : float
-        Longest rotation, s.
+        Longest rotation, s; longer ones are left out.
     rails : sequence of dict, optional
-        For each session the ends of the range by channel, SI, a dict.
+        For each session a dict with the ends of the range of a channel by its name, (low, high),
+        SI. By default no sample counts as clipped.
     """
     rails = rails or [{}] * len(samples)
     logs = tuple(map(Log.of, map(on_gyroscope_clock, samples), rails))
@@ -303,10 +305,11 @@ def record(samples, segments, longest_rotation, rails=None):
 
 
 def _has_slow_force(samples):
-    """Return whether the accelerometer is so much slower that its samples are interpolated.
+    """Return whether the accelerometer samples at less than two thirds of the gyroscope's rate.
 
-    The accelerometer is slower if fewer than two thirds of the rows of `samples` have a new sample
-    of it, by its own time stamps. If it has no time stamps of its own, it is not slower.
+    `samples` are columns by name with a row per sample of the gyroscope. The accelerometer's time
+    stamps, if it has its own, tell in which rows its sample is new; without them the result is
+    false.
     """
     stamps = samples.get(OWN_TIME["accelerometer"])
     return stamps is not None and np.mean(np.diff(stamps) > 0) < 2 / 3

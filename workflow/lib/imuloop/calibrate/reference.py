@@ -1,7 +1,7 @@
 """The set-up of a device with a reference, such as motion capture, estimated in one fit.
 
 The set-up is the offset of the clock, the mounting, the place of the marker and the biases. A
-window is a piece of a log in which one sensor is compared with the reference.
+window is a short part of a log in which one sensor is compared with the reference.
 """
 
 from dataclasses import dataclass
@@ -15,37 +15,38 @@ from imuloop.estimate.least_squares import covariance_of
 
 @dataclass(frozen=True)
 class SetUp:
-    """The set-up of a reference, fitted to all windows of both sensors with a Gaussian prior.
+    """The fit of the set-up to all windows of both sensors, with a Gaussian prior.
 
-    The fit has n residuals, three of each window, and p parameters.
+    It has p parameters and n residuals, three for each window.
     """
 
     windows: tuple[Windows, ...]
     # (p,): the parameters of each session, then the shared parameters of each of the `windows`, SI
     x: np.ndarray
     covariance: np.ndarray  # (p, p): of x
-    # (n + p, p + 1): Jacobian at x, and in the last column the residuals; all rows are scaled to
-    # variance one, and the prior has the last p rows
+    # (n + p, p + 1): Jacobian at x, and in the last column the residuals. The last p rows are of
+    # the prior. Each row is scaled so that its residual has the variance one
     white: np.ndarray
-    floor: np.ndarray  # (n,): variance of the residuals by the noise alone, SI
-    variance: np.ndarray  # (n,): variance of the residuals that the fit estimates, SI
+    floor: np.ndarray  # (n,): variance of each residual by the noise alone, SI units squared
+    variance: np.ndarray  # (n,): variance of each residual as estimated, SI units squared
 
     def of_windows(self, values):
-        """Return a value for each of the n residuals, (n,), given values of the windows.
+        """Return for each of the n residuals the value of its window, (n,).
 
-        `values` is a function that takes the Windows of a sensor and returns an array with a value
-        per window. The three residuals of a window all get this value.
+        `values` is a function that takes the Windows of a sensor and returns a value per window.
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
     def errors(self, folds, without=()):
-        """Return the n residuals of a cross-validation, (n,), SI, by the linear model at x.
+        """Return the held-out errors of the n residuals in a cross-validation, (n,), SI.
+
+        The error of a residual is its value if the shared parameters are fitted without its fold.
+        The parameters of the sessions are fitted to all residuals. The model is linear about x.
 
         Parameters
         ----------
         folds : ndarray of int, shape (n,)
-            Fold of each residual. The shared parameters are fitted to the other folds, and the
-            parameters of the sessions to all residuals. Every fit has the residuals of fold -1.
+            Fold of each residual. Residuals of fold -1 are never held out.
         without : sequence of int, optional
             Indices in x of parameters that are set to zero.
         """
@@ -71,8 +72,8 @@ class SetUp:
 def fit_set_up(windows, noise):
     """Return the SetUp of the reference that fits the windows of all sensors best.
 
-    `windows` is a tuple of Windows, one for each sensor, and `noise` is a NoiseModel. The indices
-    of the shared parameters are set in the Windows.
+    `windows` is a tuple of Windows, one for each sensor, and `noise` the NoiseModel of the device.
+    The function sets the attribute `shared` of the Windows.
     """
     prior = np.tile(SESSION_STD, len(windows[0].logs))
     for w in windows:
@@ -86,10 +87,11 @@ def fit_set_up(windows, noise):
 
 
 def _fit_round(windows, noise, prior, start):
-    """Return the SetUp of a fit with variances and derivatives at the parameters `start`, (p,).
+    """Return the SetUp of a fit whose variances and Jacobian are those at the parameters `start`.
 
-    Takes a tuple of Windows, a NoiseModel and the prior standard deviations of the parameters, SI,
-    (p,). The derivative is constant in the fit, as it changes little.
+    `windows` is a tuple of Windows and `noise` a NoiseModel. `prior` are the prior standard
+    deviations of the parameters, SI, (p,), and `start` are parameters, SI, (p,). The Jacobian is
+    constant in the fit, because it changes little.
     """
     floor, residuals = [w.floor(start, noise) for w in windows], [w.values(start) for w in windows]
     variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
@@ -99,7 +101,7 @@ def _fit_round(windows, noise, prior, start):
     jacobian = slope / size[:, None]
 
     def white(x):
-        """Return all residuals, then x, over their standard deviations, (n + p,)."""
+        """Return n residuals and p parameters x, over their standard deviations, (n + p,)."""
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
     x = least_squares(white, start, lambda x: jacobian, method="lm", x_scale="jac").x
@@ -114,12 +116,13 @@ def _fit_round(windows, noise, prior, start):
 
 
 def _estimate_variance(values, floor):
-    """Return the variance of a component of the residuals of each of m windows, (m,).
+    """Return the variance of each of the three residuals of m windows, (m,).
 
-    The result is the variance by the noise, `floor`, (m,), plus one that all windows share. The
-    common variance follows from the median of the squared residuals `values`, (m, 3), as the median
-    of χ² with three degrees of freedom is 2.366. Residuals above three standard deviations get a
-    larger variance, as by Huber's weights, so that their influence is limited.
+    `values` are the residuals, (m, 3). The result is the variance by the noise, `floor`, (m,), plus
+    a variance that all windows share. The shared variance follows from the median of the sum of
+    squares of a window, because the median of χ² with three degrees of freedom is 2.366. Windows
+    above three standard deviations get a larger variance, as by Huber's weights, so that their
+    influence is limited.
     """
     square = (values**2).sum(axis=1)
     variance = floor + max(np.median(square / 2.366 - floor), 0.0)

@@ -43,8 +43,8 @@ class ReferenceLog:
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
     w: np.ndarray  # (N, 3): calibrated angular rate, rad/s
-    # (N, 3, 3): rotation matrices from axes near the body's to the axes of the reference's world.
-    # They are the attitude that the reference gives times `frame`, not-a-number where it was lost
+    # (N, 3, 3): rotation matrices from axes near the body's axes to the axes of the reference's
+    # world: the attitude of the reference times `frame`; not-a-number where the reference was lost
     attitude: np.ndarray
     place: np.ndarray  # (N, 3): position of the marker, m
     frame: np.ndarray  # (3, 3): estimated rotation from the body to the axes of the tracked body
@@ -55,8 +55,8 @@ def read_reference(sessions, calibration):
     """Return the ReferenceLog of each session with a reference, a dict by name.
 
     `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
-    ``samples`` and ``segments``. The Calibration of the device is applied to the logs without the
-    effects that depend on time, or on channels that not every log has.
+    ``samples`` and ``segments``. `calibration` is the Calibration of the device. It is applied to
+    the samples, but for effects that depend on time or on channels that not every log has.
     """
     logs, sensors = {}, {}
     for name in SENSORS:
@@ -85,9 +85,9 @@ def read_reference(sessions, calibration):
 class Windows:
     """The m windows of all logs in which one sensor is compared with the reference.
 
-    A subclass for each sensor has the residuals. The set-up has parameters x: first the parameters
-    of each session, then the parameters that all sessions share. All windows are padded to k
-    samples by repeating the last one.
+    Each sensor has a subclass, which computes the residuals. The set-up has the parameters x, (p,):
+    first the parameters of each session, then the parameters that all sessions share. All windows
+    are padded to k samples by repeating the last one.
 
     Parameters
     ----------
@@ -107,19 +107,20 @@ class Windows:
     rows, t : ndarray, shape (m, k)
         Index and time, s, of all samples of each window.
     shared : ndarray of int
-        Indices, among all parameters x of the set-up, of those that the sessions share: first the
-        parameters of `effects`, such as the offset of the clock, then the `entries` of the matrix
-        A. A is the error of the calibration's T and K: the output is ``(1 + A) (y - b)``.
+        Indices in x of the shared parameters of this sensor. The first are the parameters of
+        `effects`, such as the offset of the clock, then the `entries` of the matrix A. A is the
+        error of the calibration's misalignment T and scale factors K: calibrated values y with the
+        bias b become ``(1 + A) (y - b)``.
     prior : ndarray
         Prior standard deviations of the shared parameters, SI.
     places : ndarray of int, shape (s, q)
-        Indices among all parameters of the q that a session has for this sensor: bias, mounting,
-        and for the accelerometer the tilt of the world. They are the entries `session_entries` of
-        `SESSION_STD`, which has the parameters of a session for both sensors.
+        Indices in x of the q parameters of each session for this sensor: bias, mounting, and for
+        the accelerometer the tilt of the world. `SESSION_STD` has the parameters of a session for
+        both sensors; `session_entries` are the indices of this sensor's parameters in it.
     """
 
     def __init__(self, logs, gravity, calibration):
-        """Find the windows, and set the attributes but `shared`, which depends on other sensors."""
+        """Find the windows and set the attributes, but for `shared`, which `fit_set_up` sets."""
         self.logs, self.gravity = logs, gravity
         by_session = (self._find_windows(session, log) for session, log in enumerate(logs))
         rows = [np.zeros((0, 4), int), *by_session]
@@ -142,9 +143,9 @@ class Windows:
     def _find_windows(self, session, log):
         """Return the n windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
 
-        The columns are the index of the session, `session`, and the indices of the first, middle
-        and last sample. Half a window lasts `self.half` seconds. The reference is needed at these
-        three samples; for the accelerometer its attitude is needed at all samples.
+        The columns are `session`, the index of the log, and the indices of the first, middle and
+        last sample of a window. A window lasts twice `self.half` seconds. The reference is known at
+        these three samples; for the accelerometer its attitude is known at all samples.
         """
         step, lost = np.median(np.diff(log.t)), ~np.isfinite(log.attitude[:, 0, 0])
         valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
@@ -166,10 +167,10 @@ class Windows:
         return np.array(windows, int).reshape(-1, 4)
 
     def read_logs(self, values, rows):
-        """Return values of the logs at some samples of each of the m windows, (m, …).
+        """Return values of the logs at one or c samples of each of m windows, (m, …) or (m, c, …).
 
-        `values` is the name of a field of the logs, or a list with an array for each log. `rows`,
-        (m,) or (m, c), has the indices of the samples in the log of the window.
+        `values` is the name of a field of the logs, or a list with an array (N, …) for each log.
+        `rows`, (m,) or (m, c), has the indices of the samples in the log of the window.
         """
         if isinstance(values, str):
             values = [getattr(log, values) for log in self.logs]
@@ -178,11 +179,11 @@ class Windows:
     def output(self, x, drift=0.0):
         """Return the sensor's output ``(1 + A) (y - b)`` at the samples of the windows, (m, k, 3).
 
-        y are the calibrated values of the sensor, interpolated at the times of the reference. A is
-        the error of the calibration's T and K, and b the bias of the session, both of the
-        parameters x, (p,); the unit is the sensor's. A sample with the time stamp s was taken at
-        ``s + dt + d (s - s_m)`` on the clock of the reference, where s_m is the middle of the log,
-        dt the offset of the clock, and d its drift, the argument `drift`.
+        The unit is m/s^2 or rad/s. y are the calibrated values of the sensor, interpolated at the
+        times of the reference. The parameters x, (p,), hold the error A of the calibration's T and
+        K, the bias b of the session, and the offset dt of the clock. A sample with the time stamp s
+        was taken at ``s + dt + d (s - s_m)`` on the clock of the reference, where s_m is the middle
+        of the log, and d, the argument `drift`, is the drift of the clock.
         """
         # the first shared parameter is the offset of the clock, the last are the entries of A
         shared, gain, values = x[self.shared], np.eye(3), []
@@ -197,17 +198,17 @@ class Windows:
     def mounting(self, x):
         """Return the mounting M of each window, (m, 3, 3), from the parameters x, (p,).
 
-        M rotates from the axes of the IMU's body to the axes near them from which the `attitude`
-        of a ReferenceLog rotates.
+        The `attitude` of a ReferenceLog rotates from axes near the body axes of the IMU. M rotates
+        from the axes of the body to these axes.
         """
         return Rotation.from_rotvec(x[self.places[:, 3:6]]).as_matrix()[self.session]
 
     def derivative(self, x):
         """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
 
-        The residuals of a window have three components. The derivative is numerical. A window
+        There are three residuals for each of the m windows. The derivative is numerical. A window
         depends only on the shared parameters and on the parameters of its session. So a parameter
-        that each session has is changed in all sessions at once.
+        of the sessions, such as a bias, is changed in all sessions at once.
         """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
         # index of each parameter by session, which is the same for a shared parameter
@@ -220,11 +221,11 @@ class Windows:
         return jacobian
 
     def noise(self, model):
-        """Return the noise of the reference in each window, and the noise of the sensor.
+        """Return the variances of the reference in each of m windows, and the sensor's white noise.
 
-        The first two are the variances of the attitude, rad², (m,), and of the place, m², (m,). The
-        third is N², the squared density of the sensor's white noise by the NoiseModel `model`, mean
-        of its axes.
+        The first result is the variance of the attitude, rad², (m,), and the second the variance of
+        the place, m², (m,). The third is the mean over the axes of N², the squared density of the
+        sensor's white noise by the NoiseModel `model`.
         """
         attitude, place = np.array([log.noise for log in self.logs])[self.session].T ** 2
         white = np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
@@ -234,9 +235,9 @@ class Windows:
 class Turns(Windows):
     """Residuals of the rotation over a window, rad: ``ε = log(Mᵀ Qᵀ M C)``, a rotation vector.
 
-    C, by the gyroscope, takes the body axes at the end of the window to those at the start. Q does
-    the same by the reference, on axes near the body's. The mounting M rotates from the body axes to
-    these axes.
+    C is the rotation by the gyroscope from the body axes at the end of the window to the body axes
+    at its start. Q is the same rotation by the reference, on the axes near the body's from which
+    its `attitude` rotates. The mounting M rotates from the body axes to these axes.
     """
 
     sensor, channel, kind, unit = "gyroscope", "w", "reference_rotation", "rad"
@@ -267,12 +268,14 @@ class Places(Windows):
 
         ε = ∫ tri (C M f) dt / h² - g u - Δ²(p + C M r) / h²
 
-    The first terms are the acceleration by the accelerometer: f is the specific force on body axes,
-    M the mounting that rotates these to axes near them, C the attitude by the reference from there
-    to the axes of its world, tri a triangular weight over the window of length 2 h, g gravity and u
-    the upward direction. The last term is the acceleration by the reference:
-    the second difference Δ² over h of the place of the accelerometer, with the place p of the
-    marker and the arm r from the marker to the accelerometer.
+    The first two terms are the acceleration by the accelerometer. f is the specific force on body
+    axes. The mounting M rotates it to axes near the body's, and the `attitude` C of the reference
+    from there to the axes of its world. tri is a triangular weight over the window, whose length is
+    2 h. g is gravity and u the upward direction.
+
+    The last term is the acceleration by the reference: the second difference Δ², with the step h,
+    of the place of the accelerometer. p is the place of the marker, and r the arm from the marker
+    to the accelerometer, on body axes.
     """
 
     sensor, channel, kind, unit = "accelerometer", "f", "reference_force", "m/s^2"
@@ -303,10 +306,10 @@ class Places(Windows):
     def subtract_motion(self, f, arm):
         """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
 
-        Both are on the axes of the reference's world and are averaged over each of the m windows.
-        `f`, (m, k, 3), is the specific force of the k samples of a window, and `arm`, m, (m or 1,
-        3, 1), the place of the sensor seen from the marker. Both are on the axes near the body's
-        from which the `attitude` of a ReferenceLog rotates.
+        The result is on the axes of the reference's world, one vector for each of m windows. `f` is
+        the specific force, m/s², of the k samples of each window, (m, k, 3). `arm` is the vector
+        from the marker to the sensor, m, (m, 3, 1), or (1, 3, 1) for all windows. `f` and `arm` are
+        on the axes near the body's from which the `attitude` of a ReferenceLog rotates.
         """
         # place of the sensor at the start, middle and end, and its second difference
         place = self.place + (self.attitude @ arm[:, None])[..., 0]
@@ -340,9 +343,8 @@ class Places(Windows):
 def windows_of(logs, gravity, calibration):
     """Return the windows of the gyroscope, Turns, and of the accelerometer, Places, a tuple.
 
-    Either is left out if it has fewer than `LEAST_WINDOWS` windows. `logs` is a list of
-    ReferenceLog; `gravity` is local gravity, m/s^2, and `calibration` the Calibration of the
-    device.
+    A sensor with fewer than `LEAST_WINDOWS` windows is left out. `logs` is a list of ReferenceLog,
+    `gravity` is local gravity, m/s^2, and `calibration` the Calibration of the device.
     """
     windows = [cls(logs, gravity, calibration) for cls in (Turns, Places)]
     return tuple(w for w in windows if len(w.session) >= LEAST_WINDOWS)

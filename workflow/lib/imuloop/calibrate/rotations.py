@@ -38,13 +38,14 @@ class Rotations(Table):
     temperature: np.ndarray | None  # degC, (m, k)
     # whether samples are missing in each step, (m, k - 1)
     uneven: np.ndarray | None = None
-    # additional errors of a rotation: the step in the middle of each of the g parts in which they
-    # arise, (m, g), and their covariance as a rotation vector on body axes, rad², (m, g, 3, 3), due
-    # to undersampling (`undersampling.aliased_turns`), and due to missing samples and jitter
+    # errors that arise in each of g parts of a rotation: index of the time step in the middle of
+    # each part, (m, g), and the covariance of the error as a rotation vector on body axes, rad²,
+    # (m, g, 3, 3), by undersampling (`undersampling.aliased_turns`), and by missing samples and
+    # jitter
     extra_at: np.ndarray | None = None
     aliasing_covariance: np.ndarray | None = None
     time_covariance: np.ndarray | None = None
-    # variance of each axis due to undersampling, rad², (m,)
+    # variance of the rotation vector on each axis by undersampling, rad², (m,)
     aliased: np.ndarray | None = None
     # exponent p of the power law f⁻ᵖ of the spectrum from which `aliased` is predicted, (m,)
     fall: np.ndarray | None = None
@@ -59,7 +60,7 @@ class Rotations(Table):
 
 @dataclass(frozen=True)
 class Lost:
-    """Numbers of the rotations and rests that are not used, and why."""
+    """Numbers of rotations and rests that a fit does not use, and why."""
 
     rotations: int = 0  # all rotations that are short enough to be used
     left_out: int = 0  # rotations with a gap too long, or an error that is unknown or too large
@@ -92,10 +93,11 @@ class Lost:
 
 
 def gather_rotations(poses, logs, segments, longest_s):
-    """Return the Rotations between consecutive poses of a session, and the Lost, those left out.
+    """Return the Rotations between consecutive poses of a session, and those left out, the Lost.
 
-    A rotation is left out if it lasts longer than `longest_s`, crosses a gap, has a clipped angular
-    rate, or if missing samples make its angle too uncertain.
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap or has a clipped
+    angular rate. It is also left out if missing samples make its angle too uncertain, as
+    `errors_of_time` judges.
 
     Parameters
     ----------
@@ -151,9 +153,9 @@ def gather_rotations(poses, logs, segments, longest_s):
     samples = np.minimum(start[:, None] + np.arange(length), end[:, None])
 
     def along(name, *shape):
-        """Return the samples of a field of the logs along all rotations, (m, k, *shape).
+        """Return a field of the logs at the k samples of each of m rotations, (m, k, *shape).
 
-        `name` is the name of the field, and `shape` is (3,) for a vector.
+        `name` is the name of the field, and `shape` is (3,) for a vector and empty for a number.
         """
         values = [getattr(logs[s], name)[i] for s, i in zip(session, samples, strict=True)]
         return np.reshape(values, (*samples.shape, *shape))
@@ -186,11 +188,11 @@ def gather_rotations(poses, logs, segments, longest_s):
 def _find_ends(poses, first):
     """Return the start and the end of c rotations, s, (c,) each.
 
-    A rotation lasts from the end of a pose to the start of the next pose. A slow rotation also
-    takes the nearest part of both poses: it starts and ends too slowly to be told from a rest, and
-    the angle of these parts is larger than the noise of the added time. A pose that tilts gives no
-    part, because its field `w_to_ends` already has the rotation within it. Takes the
-    Poses and the index of the first pose of each rotation, (c,).
+    A rotation lasts from the end of a pose to the start of the next pose. A rotation longer than
+    ``SEEN / ONSET`` seconds also includes the nearest part of both poses, because it starts and
+    ends too slowly to be told from a rest. A pose that tilts gives no part, because its field
+    `w_to_ends` already has the rotation within the pose. `poses` are the Poses, and `first` has the
+    index of the pose that each rotation starts from, (c,).
     """
     start_s, end_s = poses.end_s[first], poses.start_s[first + 1]
     # length of the slow part at either end, less the part that is not counted as rest anyway

@@ -43,7 +43,7 @@ def usable_sessions(sessions, *kinds):
 
 
 def why_no_pose(sessions, kind):
-    """Return a text that says why no session of a kind has a pose, and what became of each.
+    """Return a text on why no session of a kind has a pose: for each session, its reason.
 
     `sessions` are the sessions by name. A pose is an attitude in which the device rests.
     """
@@ -64,7 +64,7 @@ def read_poses(sessions, kind):
 
 
 def read_recording(sessions, longest_rotation, kind="multi_position"):
-    """Return the Recording, poses and rotations between them, of the sessions of one method.
+    """Return the Recording of the sessions of one method: poses, and the rotations between them.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     longest_rotation : float
         Longest rotation between two poses, s.
     kind : str, optional
-        The method, a key of `GROUPS`, which has the kinds of sessions that are fitted together.
+        The method, a key of `GROUPS`. Its value there are the kinds of the sessions that are used.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def first_log(sessions):
 def raw_units(sessions):
     """Return the RawUnits of the accelerometer and of the gyroscope, a tuple.
 
-    The first of the `sessions` by name in the order of `KINDS` gives the units.
+    They are the units of the log that `first_log` chooses from `sessions`, the sessions by name.
     """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
@@ -129,8 +129,8 @@ def raw_units(sessions):
 def layout(sessions):
     """Return the declaration of a log, such as its columns and units, a dict.
 
-    The log belongs to the first of the `sessions` by name in the order of `KINDS`. If the log
-    has the numbers that an autopilot gives its sensors, they have the key ``sensor_ids``.
+    It is the log that `first_log` chooses from `sessions`, the sessions by name. The key
+    ``sensor_ids`` has the numbers that an autopilot gives its sensors, if the log has them.
     """
     first = first_log(sessions)
     ids = first.get("sensor_ids")

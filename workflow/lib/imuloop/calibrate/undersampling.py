@@ -33,19 +33,21 @@ EXACT = 1e-20
 
 
 def aliased_turns(t, w, begin, last, bias, variance):
-    r"""Return the variance of m rotations by frequencies above half the sampling rate of a log.
+    r"""Return the variance that undersampling gives m rotations of a log, rad², and its parts.
 
-    Let W(f) be the spectrum of the angular rate on fixed axes, C w, with the attitude C. Samples at
-    steps Δt = 1/f_s give the rotation vector with the error
+    Undersampling is the part of the motion at frequencies above half the sampling rate. Let W(f) be
+    the spectrum of the angular rate on fixed axes, C w, where C is the attitude. Samples at steps
+    Δt = 1/f_s, k = 0, 1, …, give the rotation vector with the error
 
-    .. math:: Δt Σ C w(t_k) - ∫ C w \, dt = Σ_{k≠0} W(k f_s),
+    .. math:: Δt Σ_k C w(t_k) - ∫ C w \, dt = Σ_{n≠0} W(n f_s),
 
-    the sum of the spectrum at multiples of the sampling rate f_s, whose phases are unknown.
-    Rotations do not commute, but this changes the error by a hundredth only. The energy of each
-    axis is taken as |W|² = a f⁻ᵖ, so the variance of the error is 2 a f_s⁻ᵖ ζ(p) on each axis, with
-    Riemann's zeta function. The spectrum below half the sampling rate gives p, which is the same
-    for all rotations, and a of each rotation. This holds for samples at instants. Means over each
-    step would be free of the error, and a low-pass filter in the sensor shows as a larger p.
+    the sum of the spectrum at multiples n of the sampling rate f_s, whose phases are unknown. That
+    rotations do not commute changes the error by a hundredth only. The energy of each axis is taken
+    as |W|² = a f⁻ᵖ, a power law of the frequency f. So the error has the variance 2 a f_s⁻ᵖ ζ(p) on
+    each axis, where ζ is Riemann's zeta function. The spectrum below half the sampling rate gives
+    p, which is the same for all rotations, and a of each rotation. The sensor is taken to sample at
+    instants. Means over each step would have no such error, and a low-pass filter in the sensor
+    shows as a larger p.
 
     Parameters
     ----------
@@ -59,7 +61,8 @@ def aliased_turns(t, w, begin, last, bias, variance):
     Returns
     -------
     variance : ndarray, shape (m,)
-        Variance of the rotation vector on each axis, rad², zero if it is negligible.
+        Variance of the rotation vector on each axis, rad². It is zero if the sum over all rotations
+        is below `NEGLIGIBLE` of the variance by white noise.
     fall : ndarray, shape (m,)
         The exponent p, the same for all rotations.
     covariance : ndarray, shape (m, PARTS, 3, 3)
@@ -88,12 +91,12 @@ def aliased_turns(t, w, begin, last, bias, variance):
 
 
 def _band_energies(turns, numbers, longest):
-    """Return the energy spectrum of each of m rotations, mean of the three axes, (m, BANDS).
+    """Return the energy of each of m rotations in bands of frequency, mean of axes, (m, BANDS).
 
-    The bands divide the frequencies from a quarter to half the sampling rate. `turns` has the
-    angular rate of each rotation less the bias, rad/s, (k, 3), and `numbers` the number of each of
-    its samples, (k,), in which dropped samples count; these are interpolated. `longest` is the
-    length of the longest rotation with dropped samples.
+    The bands divide the frequencies from a quarter to half the sampling rate. `turns` has for each
+    rotation the angular rate less the bias, rad/s, (k, 3). `numbers` has for each rotation the
+    number of each sample, (k,), in which dropped samples count. The rate at dropped samples is
+    interpolated. `longest` is the number of samples of the longest rotation, dropped ones included.
     """
     # the length of the transform is a multiple of 4 BANDS, so that all bands have as many
     # frequencies
@@ -108,12 +111,13 @@ def _band_energies(turns, numbers, longest):
 def _fit_power_law(energy, noise, n):
     r"""Return the exponent p of a power law for m rotations, and its size a f_s⁻ᵖ for each, (m,).
 
-    The energy a f⁻ᵖ appears in samples, with its aliases and with the energy of white noise, as
+    If the energy of the motion is a f⁻ᵖ, the samples show the energy
 
     .. math:: E(x f_s) = a f_s^{-p} (ζ(p, x) + ζ(p, 1 - x)) + noise, \quad 1/4 < x < 1/2,
 
-    at the frequency x f_s, where f_s is the sampling rate and ζ the Hurwitz zeta function. p
-    maximises Whittle's likelihood, in which `energy` is exponentially distributed with the mean E.
+    at the frequency x f_s. f_s is the sampling rate, and ζ, the Hurwitz zeta function, sums the
+    aliases. p maximises Whittle's likelihood, in which `energy` is exponentially distributed with
+    the mean E.
 
     Parameters
     ----------
@@ -132,7 +136,7 @@ def _fit_power_law(energy, noise, n):
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def fit_sizes(p):
-        """Return the sizes at the exponent p, (m, 1), and the negative logarithm of likelihood."""
+        """Return the sizes at the exponent p, (m, 1), and the negative log-likelihood."""
         spectrum = zeta(p, x) + zeta(p, 1 - x)
         size = np.zeros((len(n), 1))
         # weighted least squares, with weights by the result of the step before
@@ -149,13 +153,13 @@ def _fit_power_law(energy, noise, n):
 
 
 def _shares_of_parts(turn):
-    """Return the covariance of the error in each part of a rotation, (PARTS, 3, 3).
+    """Return the covariance of the undersampling error that arises in each part of a rotation.
 
-    It is given in units of the variance of the whole error on an axis, so that the sum of all
-    traces is three. The error arises where the angular rate bends most: the share of a part is its
-    share of the squared second differences of `turn`, the angular rate, (k, 3). A share `ANY_WAY`
-    of the covariance is the same in all directions; the rest has the direction of the second
-    differences.
+    The result, (PARTS, 3, 3), is in units of the variance of the whole error on an axis, so that
+    the sum of all traces is three. The error arises where the angular rate bends most. So the trace
+    of a part is proportional to the sum of the squared second differences of `turn`, the angular
+    rate, (k, 3), in it. The share `ANY_WAY` of the covariance is the same in all directions; the
+    rest has the direction of the second differences.
     """
     squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
     squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
@@ -169,9 +173,9 @@ def outer_products(vectors):
 
 
 def sum_parts(matrices):
-    """Return the sums of n matrices, (n, 3, 3), over `PARTS` equal consecutive parts.
+    """Return the sums of the matrices in each of `PARTS` equal parts of a series, (PARTS, 3, 3).
 
-    The result has the shape (PARTS, 3, 3).
+    `matrices` has the n matrices of the series in order, (n, 3, 3).
     """
     n, sums = len(matrices), np.zeros((PARTS, 3, 3))
     np.add.at(sums, np.arange(n) * PARTS // max(n, 1), matrices)

@@ -48,7 +48,10 @@ def add_logs(command):
 
 
 def _read_log(text):
-    """Return kind and Log of an argument such as ``static=night.csv``; default: the first kind."""
+    """Return kind and Log of an argument such as ``static=night.csv``.
+
+    Without a kind it is the first of `KINDS`.
+    """
     kind, _, rest = text.partition("=")
     return (kind, Log.parse(rest)) if kind in KINDS and rest else (KINDS[0], Log.parse(text))
 
@@ -87,7 +90,7 @@ def refuse_paths(arguments, folder, *pages):
 
 
 def calibrated(arguments):
-    """Run all stages on the logs in the arguments; return the `Result`, in a temporary folder."""
+    """Return the Result of all stages, in a temporary folder, on the logs in the arguments."""
     logs = {kind: [] for kind in KINDS}
     for kind, log in arguments.logs:
         if path := log.samples_path():

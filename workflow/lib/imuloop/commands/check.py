@@ -121,7 +121,7 @@ def read_noise(path):
 
 
 def lines(drift):
-    """Return a Drift, the result of the test, as lines for people, a list."""
+    """Return the result of a drift test, a Drift, as lines of text, a list."""
     text = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
@@ -156,10 +156,9 @@ def lines(drift):
 
 
 def update_lines(updated, kept):
-    """Return lines for people on the biases after an update, in raw units, a list.
+    """Return lines of text on the biases after an update, in raw units, a list.
 
-    `updated` is the updated Calibration, and `kept` has the reason for each sensor whose bias stays
-    as it was.
+    `updated` is the updated Calibration. `kept` has the reason for each sensor whose bias is kept.
     """
     text = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
@@ -170,7 +169,10 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return words on whether a Change is drift; for a bias they name the allowed change."""
+    """Return words on whether a Change is drift; for a bias they name the change that is allowed.
+
+    `sensor` is the SensorDrift with this Change.
+    """
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

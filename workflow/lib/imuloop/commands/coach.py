@@ -77,9 +77,10 @@ def _copy(source, target):
 
 
 def follow(log, arguments, folder):
-    """Print the errors of the parameters of a growing log, and the next step, until it ends.
+    """Print the errors of the parameters by a growing log, and the next step, until it ends.
 
-    `log` is the Log, and `folder` a folder for its samples. Returns the exit status.
+    `log` is the Log, `arguments` are the arguments of the command, and `folder` is a folder for the
+    samples. Returns the exit status.
     """
     size, said, noise, why = -1, None, None, ""
     gravity = known_figures(arguments.declared)["gravity"]
@@ -113,7 +114,7 @@ def follow(log, arguments, folder):
 
 
 def line(state):
-    """Return `state`, a Progress, as a line for people."""
+    """Return a Progress, `state`, as a line of text."""
     errors = [f"{s} {number(100 * x, 2)} %" for s, x in state.worst.items() if np.isfinite(x)]
     text = f"{state.duration_s / 60:.1f} min, {plural(len(state.up), 'pose')}"
     text += f"; scale factor and misalignment good to: {', '.join(errors)}" if errors else ""

@@ -80,7 +80,7 @@ def result_lines(path):
 
 
 def calibration_lines(calibration):
-    """Return the parameters ± σ and the effects of a Calibration as lines for people."""
+    """Return the parameters ± 1 σ and the effects of a Calibration as lines of text."""
     head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
@@ -103,9 +103,10 @@ def calibration_lines(calibration):
 
 
 def noise_lines(content, data_sheet=None):
-    """Return the noise coefficients as lines for people.
+    """Return the noise coefficients of a device as lines of text.
 
-    `content` is the content of noise.json, and `data_sheet` has typical values of the sensor.
+    `content` is the content of noise.json. `data_sheet`, if given, has the typical white noise of
+    the sensor (`chain.Device`).
     """
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""

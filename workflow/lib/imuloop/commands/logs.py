@@ -82,11 +82,12 @@ def refuse_swapped(calibration, log):
 
 
 def write_samples(log, declared, folder, calibration=None):
-    """Return the path of the samples of a log, and the content of its quality.json.
+    """Return the path of the samples of a Log, and the content of its quality.json.
 
     A samples.parquet of ingest is used as it is; its quality is empty if there is no quality.json
-    next to it. The samples of a raw log are written into `folder`. `declared` are keys of a config.
-    Units and columns that are not declared are those of the log of the `calibration`, if given.
+    next to it. The samples of a raw log are written into `folder`. `declared` are declarations
+    about the log, keys of a config. If a `calibration` is given, all other declarations
+    are taken from the log that it was fitted to.
     """
     log.refuse_no_log()
     if path := log.samples_path():
@@ -123,7 +124,10 @@ def write_samples(log, declared, folder, calibration=None):
 
 
 def read_log(log, declared, calibration=None):
-    """Return samples, metadata and quality of a log; raise an ImuloopError if it is rejected."""
+    """Return samples, metadata and quality of a Log; raise an ImuloopError if it is rejected.
+
+    `declared` and `calibration` are as in `write_samples`.
+    """
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder), calibration)
         log.refuse_rejected(quality)
@@ -131,7 +135,11 @@ def read_log(log, declared, calibration=None):
 
 
 def recorded(log, samples, metadata, kind):
-    """Return a Log as a RecordedSession of this `kind`, and the number of its poses."""
+    """Return the RecordedSession of a Log, and the number of its poses.
+
+    `samples` and `metadata` are results of `read_log`, and `kind` is the kind of the session, by
+    which its rests are found.
+    """
     faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
     segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)
     return RecordedSession(log.name, kind, samples, segments), figures["poses"]

@@ -43,7 +43,7 @@ SEVERAL = {"--set": "", "--columns": "columns.", "--counts": "nominal."}
 
 
 def add_keys(command):
-    """Add the keys of a config, which `take_keys` reads, to the help of a command."""
+    """Add the options that are keys of a config, for `take_keys`, to the help of a command."""
     rows = [(f"--{key} VALUE", words) for key, words in HELP.items()]
     command.add_argument_group(
         "keys as in a config",
@@ -58,12 +58,12 @@ def add_keys(command):
 
 
 def take_keys(words):
-    """Return the keys of a config in a command line, nested dicts, and the other words, a list.
+    """Return the keys of a config in the words of a command line, nested dicts, and other words.
 
     A key is an option, as ``--units.time ms``, or a word ``units.time=ms`` after ``--set``. Shorter
     forms are ``--time-unit ms``, ``--latitude`` and ``--height``, ``--columns time=stamp``,
-    ``--range 16g,2000deg/s`` and ``--counts acceleration=SCALE,OFFSET``. Raises an ImuloopError for
-    an option without a value, or for a key that is given in two ways.
+    ``--range 16g,2000deg/s`` and ``--counts acceleration=SCALE,OFFSET``. The other words are a
+    list. Raises an ImuloopError for an option without a value, or a key that is given in two ways.
     """
     pairs, others, words = [], [], [*words]
     while words:
@@ -90,7 +90,10 @@ def take_keys(words):
 
 
 def _expand(start, word):
-    """Return the words KEY=VALUE, a list, of a `word` whose key begins with `start`."""
+    """Return words KEY=VALUE, a list, with full keys for a `word` after an option of `SEVERAL`.
+
+    `start` is the start of the keys: ``x=1`` with the start ``columns.`` is ``columns.x=1``.
+    """
     quantity, _, value = word.partition("=")
     if start != "nominal.":
         return [start + word]
@@ -100,9 +103,9 @@ def _expand(start, word):
 
 
 def _ranges(text):
-    """Return the range of each sensor, a list of words KEY=VALUE, of a `text` 16 g,2000 deg/s.
+    """Return words KEY=VALUE, a list, for the value of --range, such as ``16 g,2000 deg/s``.
 
-    Raises an ImuloopError if a part has no unit of a sensor.
+    The unit of a part shows its sensor. Raises an ImuloopError if a part has no unit of a sensor.
     """
     pairs, parts = [], [part.strip() for part in text.split(",")]
     for quantity, units in zip(PARTS, (ACCELERATION, ANGULAR_RATE), strict=True):
@@ -145,7 +148,7 @@ def between(low, high, count=1):
     """Return a function that reads an argument of `count` numbers from `low` to `high`."""
 
     def number(text):
-        """Return the number in an argument, or a tuple of `count` numbers if these are several."""
+        """Return the number in an argument, or a tuple of `count` numbers if `count` is above 1."""
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

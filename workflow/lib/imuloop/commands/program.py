@@ -73,7 +73,10 @@ def run(argv=None):
 
 
 def _parse(parser, argv):
-    """Return the arguments of a command, with the `declared` keys; end with 2 for a wrong one."""
+    """Return the arguments of a command, with the keys of a config in their field `declared`.
+
+    The process ends with exit status 2 if an argument is wrong.
+    """
     try:
         # the other commands read a log
         declared, words = ({}, argv) if argv[:1] == ["sensors"] else take_keys(argv)

@@ -32,7 +32,7 @@ def listing_line(name):
 
 
 def sheet_lines(sheet):
-    """Return the figures of a `DataSheet` as lines for people, a list."""
+    """Return the figures of a `DataSheet` as lines of text, a list."""
     lines = [f"{sheet.label}, {sheet.manufacturer}"]
     for quantity, sensor in PARTS.items():
         if not (figures := getattr(sheet, sensor)):

@@ -15,7 +15,10 @@ CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 
 
 def needs_rate(sensor):
-    """Return whether the C function of a sensor takes the angular rate and its derivative."""
+    """Return whether the C function of a sensor needs the angular rate and its derivative.
+
+    `sensor` is the dict of `values.sensor_values`.
+    """
     of_rate = {"lever_arm", "rate_sensitivity"}
     return sensor["name"] == "accelerometer" and any(
         fitted.name in of_rate or (fitted.name == Product.name and "w" in fitted.effect.formula)
@@ -24,16 +27,16 @@ def needs_rate(sensor):
 
 
 def subtracted(sensor):
-    """Return the effects of a sensor that C can compute from one sample, a list of pairs.
+    """Return the effects that C can compute from one sample, a list of (FittedEffect, terms).
 
-    A pair is a FittedEffect and the list of its terms. A term has the index of an axis, and the C
-    expression to subtract from the output of this axis.
+    Each of the terms has the index of an axis, and the C expression to subtract from the output of
+    this axis. `sensor` is the dict of `values.sensor_values`.
     """
     return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
-    """Return for each parameter of a FittedEffect the index of its axis and a C expression."""
+    """Return the terms of a FittedEffect, a list: for each parameter an axis and a C expression."""
     terms = []
     if fitted.name == Product.name:
         return [_product(fitted)]
@@ -67,9 +70,10 @@ def _product(fitted):
 
 
 def _clamped(fitted, name, expression):
-    """Return a C expression that clamps another one to the range of the fitted data.
+    """Return a C expression that limits `expression` to its range in the data of the fit.
 
     `expression` is the C expression by which the parameter `name` of a FittedEffect is multiplied.
+    It is returned as it is if its range is not known.
     """
     if name not in fitted.ranges:
         return expression

@@ -18,9 +18,9 @@ UNITS = {
 class Density:
     """A noise coefficient, SI, with its axis or channel.
 
-    `value` is the estimate. If the term was not seen, `value` is the one-sided 95 % upper limit and
-    `limit` is true. If `value` was raised so that N and K bound the Allan curve, `raised_from` is
-    the estimate or limit before.
+    `value` is the estimate. If the data do not show the coefficient, `value` is its one-sided 95 %
+    upper limit and `limit` is true. If `value` was raised so that N and K bound the Allan variance,
+    `raised_from` is the estimate or limit before.
     """
 
     value: float
@@ -38,7 +38,7 @@ class Density:
         return words
 
     def times(self, factor):
-        """Return the density with value and `raised_from` multiplied by a factor."""
+        """Return a copy whose `value` and `raised_from` are multiplied by a factor."""
         raised_from = None if self.raised_from is None else self.raised_from * factor
         return replace(self, value=self.value * factor, raised_from=raised_from)
 
@@ -53,26 +53,28 @@ def estimated(noise, axis, term):
 
 
 def for_filter(noise, axis, term):
-    """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan curve."""
+    """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan variance.
+
+    `axis` is the name of the axis, and `term` is N or K. See `bounding`.
+    """
     raw = estimated(noise, axis, term)
     value = dict(zip("NK", bounding(noise), strict=True))[term]
     return raw if value == raw.value else replace(raw, value=value, raised_from=raw.value)
 
 
 def of_calibrated(sensor, densities):
-    """Return the densities of calibrated samples, a list of Density, one for each axis.
+    """Return the Density of each axis of calibrated samples, a list.
 
-    `sensor` is the SensorCalibration, and `densities` has the Density of each axis as logged.
-
-    Axis i of the calibrated samples has ``N_i^2 = Σ_j M_ij^2 N_j^2``, as the noise of the axes is
-    independent. M, (3, 3), is T K over the nominal scale. Values that bound the Allan curves as
-    logged become values that bound the curves of calibrated samples.
+    `sensor` is the SensorCalibration, and `densities` has the Density of each axis of the samples
+    as logged. Axis i of the calibrated samples has ``N_i² = Σ_j M_ij² N_j²``, because the noise of
+    the axes is independent. M, (3, 3), is T K over the nominal scale. Densities that bound the
+    Allan variance of the samples as logged give densities that bound it for calibrated samples.
     """
     at = [AXES.index(density.axis[-1]) for density in densities]
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
 
     def through(values):
-        """Return the values of the calibrated axes that follow from values as logged, a list."""
+        """Return the values for calibrated samples, a list, from the values as logged."""
         return np.sqrt(M**2 @ np.square(values)).tolist()
 
     values = through([d.value for d in densities])

@@ -99,10 +99,10 @@ def read_exported(device):
 
 
 def reference_parameters(diagnosis, qualities):
-    """Return the parameters, SI, of the effects found with a reference, by sensor and effect.
+    """Return the parameters of the effects that a reference showed, SI, by (sensor, effect).
 
     `diagnosis` is the content of diagnosis.json, and `qualities` has the content of quality.json of
-    each session. The time offset is left out if the reference has a clock of its own, as the next
+    each session. The time offset is left out if the reference has its own clock, because the next
     recording has another offset.
     """
     own_clock = any(q.get("reference", {}).get("clock", {}).get("own") for q in qualities)
@@ -115,7 +115,10 @@ def reference_parameters(diagnosis, qualities):
 
 
 def export_files(exported):
-    """Return a dict with the text of each file by name; README.txt lists missing files and why."""
+    """Return the texts of the exported files of an Exported, a dict by file name.
+
+    README.txt lists the files, and says for each format that is left out which part is missing.
+    """
     files, written, left_out = {}, [], []
     for form in FORMATS:
         try:
@@ -128,9 +131,10 @@ def export_files(exported):
 
 
 def write_exports(folder, files):
-    """Replace the content of `folder` by `files`, texts by name, and write a list of the files.
+    """Replace the content of `folder` by `files`, texts by name, and write their SHA-256.
 
-    The list, ``exports.json`` next to the folder, holds the SHA-256 of each file by its name.
+    The SHA-256 of each file by its name are in a JSON file next to the folder, ``exports.json`` for
+    the folder ``exports``.
     """
     folder = Path(folder)
     shutil.rmtree(folder, ignore_errors=True)
@@ -142,6 +146,6 @@ def write_exports(folder, files):
 
 
 def listed(path):
-    """Return the file name and the tool of each export in the list ``exports.json`` at `path`."""
+    """Return (file name, tool) of each export, a list; `path` is the path of ``exports.json``."""
     names = read_json(path)["sha256"]
     return [(form.file, form.title) for form in FORMATS if form.file in names]

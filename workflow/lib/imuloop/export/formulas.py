@@ -1,6 +1,6 @@
-"""Values in the conventions of single tools.
+"""Values of a sensor in the conventions of other tools.
 
-Each function takes the values of a sensor, the dict of `values.sensor_values`.
+Each function takes a sensor as the dict of `values.sensor_values`.
 """
 
 import numpy as np
@@ -16,10 +16,11 @@ STANDARD = 25.0
 
 
 def bias_polynomial(sensor, reference):
-    """Return the coefficients of the bias over temperature about `reference`, degC, (4, 3).
+    """Return the coefficients c of the bias as a polynomial of the temperature, (4, 3).
 
-    ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3, equals the effect `bias_temperature`. c_ki is
-    in SI units of the output ``K (raw - b)`` per K^k. All are 0 if the sensor has no such effect.
+    The effect `bias_temperature` on axis i at the temperature θ is ``Σ_k c_ki (θ - reference)^k``,
+    with the orders k = 0 … 3 and θ and `reference` in degC. c_ki is in the SI unit of the output
+    ``K (raw - b)`` per K^k. All are 0 if the sensor has no such effect.
     """
     total = np.zeros((TERMS, 3))
     for fitted in sensor[BIAS]:
@@ -32,10 +33,10 @@ def bias_polynomial(sensor, reference):
 
 
 def rotation_and_upper(gyroscope):
-    """Return Q and U, (3, 3) each, of the gyroscope's ``T K = Q U``, for OpenVINS' model rpng.
+    """Return Q and U, (3, 3) each, with ``T K = Q U``, for the model rpng of OpenVINS.
 
-    K is divided by the nominal scale. Q is a rotation, and U is upper triangular with a positive
-    diagonal.
+    T is the misalignment of the gyroscope, and K its scale factors over the nominal scale. Q is a
+    rotation, and U is upper triangular with a positive diagonal.
     """
     rotation, upper = np.linalg.qr(gyroscope["T"] * gyroscope["scale"])
     signs = np.sign(np.diag(upper))
@@ -45,13 +46,14 @@ def rotation_and_upper(gyroscope):
 def size_effect(accelerometer):
     """Return Kalibr's ``ry_i`` and ``rz_i``, m, or () without a lever arm.
 
-    They are the vectors from the x axis of the accelerometer to its y and z axes. With specific
-    force f and angular rate w at the x axis, I_i that picks component i, and M = (T K)^-1::
+    They are the vectors from the accelerometer's x axis to its y and z axes.
+    Kalibr's model, with the specific force f and the angular rate w at the x axis, the matrix I_i
+    that keeps component i only, and M = (T K)^-1, is::
 
         f_logged = M (f + Σ_i I_i (dw/dt × ri_i + w × (w × ri_i))) + b
 
-    Our model differs from this by misalignment times arm. Kalibr: IccSensors.py,
-    IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
+    The model of this project differs from it by the product of misalignment and arm. Kalibr:
+    IccSensors.py, IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
     """
     for fitted in (e for e in accelerometer["effects"] if e.name == "lever_arm"):
         rx, ry = fitted.vector.reshape(2, 3)
@@ -60,15 +62,17 @@ def size_effect(accelerometer):
 
 
 def imu_sensor(sensor):
-    """Return the values of MATLAB's imuSensor: bias, misalignment and slope of the temperature.
+    """Return the values of MATLAB's imuSensor, a dict: bias, misalignment, and temperature terms.
 
-    ``reading = M u + ConstantBias + (θ - 25) TemperatureBias + noise`` with M =
-    AxesMisalignment/100. u is the true angular rate, or gravity less acceleration, which is minus
-    the specific force, so that the accelerometer's bias changes its sign. From our model,
-    x = T (K (raw - b) - e), the logged SI value is
-    ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI. ``slope`` is TemperatureBias, the
-    slope of e at the effect's reference temperature; ``curvature``, (2, 3), are the terms of e in
-    θ² and θ³, which imuSensor does not take.
+    imuSensor computes ``reading = M u + ConstantBias + (θ - 25) TemperatureBias + noise`` with M =
+    AxesMisalignment/100 and the temperature θ in degC. u is the true angular rate, or gravity less
+    acceleration, which is minus the specific force; so the bias of the accelerometer changes its
+    sign. The model of this project is x = T (K (raw - b) - e). By it the logged SI value is
+    ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI.
+
+    The keys are ``bias`` (ConstantBias), ``misalignment`` (AxesMisalignment), ``slope``
+    (TemperatureBias), the slope of e at the reference temperature of the effect, and ``curvature``,
+    (2, 3), the terms of e in θ² and θ³, which imuSensor does not take.
     """
     scale, bias = sensor["scale"], sensor["offset"]
     sign = -1.0 if sensor["name"] == "accelerometer" else 1.0

@@ -10,7 +10,7 @@ FILTERS = ("braces", "float32", "identifier", "in_c", "rows")
 
 
 def number(value):
-    """Return the shortest text that reads back as the same float64.
+    """Return the shortest text of a number that reads back as the same float64.
 
     The mantissa has a point, because YAML 1.1 takes ``1e-05`` for a word.
     """
@@ -25,7 +25,7 @@ def numbers(values, separator=", "):
 
 
 def written(value):
-    """Return a value as a template writes it: text in one line, floats without rounding."""
+    """Return the text of a value in a template: one line, and floats without rounding."""
     if isinstance(value, str):
         return one_line(value)
     return str(value) if isinstance(value, int) else numbers(value)

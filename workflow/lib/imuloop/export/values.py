@@ -28,10 +28,10 @@ class Exported:
     label: str  # name to show; it may hold any characters
     calibration: Calibration
     noise: NoiseModel  # of the samples as logged, SI
-    rate_hz: float | None  # of the logs, if known
+    rate_hz: float | None  # sampling rate of the logs, if known
     notes: tuple[str, ...] = ()  # remarks on the noise
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
-    # parameters, SI, of the effects found with a reference, by sensor and name
+    # parameters of the effects that a reference showed, SI, by (sensor, effect)
     reference: dict = field(default_factory=dict)
     sensors: tuple[str, ...] = tuple(SENSORS)  # the sensors that the logs hold
 
@@ -41,11 +41,11 @@ class Exported:
 
 
 def reasons(exported):
-    """Return the parts that formats need and a device lacks: a dict of reasons, text, by part.
+    """Return the reason for each part that a format needs and a device lacks, a dict of text.
 
-    The parts are the ``calibration`` of either sensor, the calibration of one sensor by its name,
-    ``rate`` and the noise coefficients ``N``, ``K``, ``B`` of all axes. If the logs lack a sensor,
-    its noise is not needed.
+    The parts are ``calibration`` (of at least one sensor); ``accelerometer`` and ``gyroscope``,
+    the calibration of this sensor; ``rate``, the sampling rate; and ``N``, ``K`` and ``B``, this
+    noise coefficient of all axes. The noise of a sensor that the logs lack is not needed.
     """
     calibration, by_part = exported.calibration, {}
     if not calibration.measured:
@@ -64,10 +64,10 @@ def reasons(exported):
 
 
 def values(exported):
-    """Return the values of a device for the templates, a dict; it has a dict of each sensor.
+    """Return the values of a device for the templates, a dict; each sensor in it is a dict, too.
 
-    A noise coefficient without a value or limit has no entry. A sensor that the logs lack has none
-    either. A format that takes such a value lists it among its needs, and is then not written.
+    A noise coefficient without a value or limit has no entry, and a sensor that the logs lack has
+    none either. A format that uses such an entry lists it in its `needs`, and is then not written.
     """
     calibration = exported.calibration
     sensors = {name: sensor_values(exported, name) for name in exported.sensors}
@@ -90,15 +90,18 @@ def values(exported):
 
 
 def sensor_values(exported, name):
-    """Return the values of a sensor by name, for the templates.
+    """Return the values of the sensor `name` for the templates, a dict by key.
 
-    z is the raw value in nominal SI, that is, times the scale of the data sheet. ``scale``, near 1,
-    and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``. ``temperatures``, degC: the
-    range of the data that ``bias_temperature`` was fitted to, or the range of the logs if that is
-    unknown. ``logged`` and ``calibrated``: by coefficient, the `Density` of each axis. ``worst``
-    and ``worst_logged``: the largest N and K of the axes, raised for a filter. ``Tg``, (3, 3): the
-    product of Tg and the specific force, on the axes of the body, is the rate that the force adds
-    to z. The effects are `FittedEffect`.
+    z is the raw value in nominal SI: raw readings with the offset and scale of the data sheet. Keys
+    that need an explanation:
+
+    - ``scale``, near 1, and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``.
+    - ``temperatures``: range of the temperatures that ``bias_temperature`` was fitted to, degC, or
+      the range of the logs if that is unknown.
+    - ``logged`` and ``calibrated``: for each coefficient, the `Density` of each axis.
+    - ``worst`` and ``worst_logged``: the largest N and K of the axes, raised for a filter.
+    - ``Tg``, (3, 3): Tg times the specific force on body axes is the rate that the force adds to z.
+    - ``effects``, ``bias_temperature`` and ``g_sensitivity``: lists of `FittedEffect`.
     """
     sensor, axes = exported.sensor(name), SENSORS[name]
     scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
@@ -127,11 +130,12 @@ def sensor_values(exported, name):
 
 
 def noise_values(sensor, noise):
-    """Return the noise of logged and of calibrated samples, by axis and of the worst axis.
+    """Return the noise coefficients of logged and of calibrated samples, a dict.
 
-    `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The
-    result has the keys ``logged``, ``calibrated``, ``worst`` and ``worst_logged``, each a dict by
-    the letter of the coefficient; ``worst`` and ``worst_logged`` have N and K alone.
+    `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The keys
+    ``logged`` and ``calibrated`` have, by the letter of the coefficient, the Density of each axis.
+    The keys ``worst`` (calibrated) and ``worst_logged`` have the largest Density of the axes, for N
+    and K only, raised for a filter.
     """
     terms = [t for t in "NKB" if all(getattr(fit, t).size is not None for fit in noise.values())]
     both = "NK" if {*"NK"} <= {*terms} else ""
@@ -146,12 +150,12 @@ def noise_values(sensor, noise):
 
 
 def left_out(sensor, name):
-    """Return the parts of a SensorCalibration that some formats cannot hold, a list.
+    """Return the parts of a SensorCalibration that some formats cannot hold, a list of dict.
 
-    Each is a dict with a ``name``. Misalignment comes first, unless T is the identity; its
-    ``angle``, deg, is the magnitude of the largest element of T off the diagonal. `name` is the
-    name of the sensor. An effect has its ``equation``, its ``constants``, and under ``largest`` a
-    dict with the magnitude of the largest parameter of each unit.
+    `name` is the name of the sensor. Each part has a ``name``. The first is the misalignment,
+    unless T is the identity; its ``angle``, deg, is the largest magnitude in T off the diagonal.
+    The others are effects. An effect has its ``equation``, its ``constants``, and ``largest``, a
+    dict with the largest magnitude of its parameters of each unit.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
     parts = [{"name": "misalignment", "angle": angle}] if angle else []
@@ -173,11 +177,12 @@ def common(spans):
 
 
 def seen_range(fitted, names, offset=0.0):
-    """Return the range that the derivatives of an effect had in the fitted data, or None.
+    """Return the range of the input of an effect in the data that it was fitted to, or None.
 
-    The result is the intersection of the ranges of the parameters `names`, as far as these are
-    known. It is None if no range is known, or if the intersection is empty. `fitted` is a
-    FittedEffect, and `offset` is added to both ends.
+    `fitted` is a FittedEffect, which has a range for its parameters: the range of the factor by
+    which a parameter is multiplied, such as the temperature less a reference. The result is the
+    intersection of the known ranges of the parameters `names`, with `offset` added to both ends. It
+    is None if no range is known, or if the intersection is empty.
     """
     span = common([fitted.ranges[name] for name in names if name in fitted.ranges])
     return span and (offset + span[0], offset + span[1])

@@ -1,4 +1,4 @@
-"""Devices of one type together: their common values, their spread, and odd devices."""
+"""Comparison of the devices of one type: their mean, their spread, and odd devices."""
 
 # fewest devices that are compared
 LEAST = 3

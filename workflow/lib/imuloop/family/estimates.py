@@ -1,4 +1,4 @@
-"""Estimates of each parameter by all devices of a type, with standard errors."""
+"""Values of each parameter of all devices of a type, with standard errors."""
 
 from dataclasses import dataclass
 
@@ -19,10 +19,11 @@ _REACH = 1.959964
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates of one parameter by n devices; nan for a device that did not determine it.
+    """The value of one parameter in each of n devices, with its standard error.
 
-    The values are in nominal SI, by the nominal scale of the data sheet. For a noise coefficient,
-    which is positive, they are natural logarithms, so that differences and the spread are relative.
+    It is nan for a device whose data do not determine the parameter. The values are in nominal SI:
+    raw readings with the offset and scale of the data sheet. For a noise coefficient they are
+    natural logarithms, so that differences and the spread between devices are relative.
     """
 
     name: str  # ``accelerometer.K0``, ``gx.N``
@@ -33,15 +34,15 @@ class Estimates:
 
     @property
     def has_value(self):
-        """Whether each device determined the parameter, (n,) of bool."""
+        """Whether the data of each device determine the parameter, (n,) of bool."""
         return np.isfinite(self.values) & np.isfinite(self.std) & (self.std > 0)
 
 
 def estimates_of_calibrations(calibrations):
-    """Return the Estimates of misalignment, scale factor error and bias, of n Calibrations.
+    """Return the misalignments, scale factor errors and biases of n Calibrations.
 
-    The result is a list with one Estimates per parameter. The values are in nominal SI, by the
-    nominal scale of the data sheet; a scale factor is relative to the nominal one, minus 1.
+    The result is a list with one Estimates per parameter. The values are in nominal SI. A scale
+    factor error is the scale factor over the nominal one of the data sheet, minus 1.
     """
     # sensor, name and unit of each parameter without effects
     names, values, std = parameters(), [], []
@@ -61,9 +62,10 @@ def estimates_of_calibrations(calibrations):
 
 
 def estimates_of_noise(noises):
-    """Return the Estimates of white noise N, flicker B and random walk K of n NoiseModels, a list.
+    """Return the white noise N, flicker B and random walk K of n NoiseModels.
 
-    There is one Estimates for each term and axis; its values are natural logarithms.
+    The result is a list with one Estimates per coefficient and axis, whose values are natural
+    logarithms.
     """
     estimates = []
     for sensor, channels in SENSORS.items():
@@ -77,10 +79,9 @@ def estimates_of_noise(noises):
 
 
 def logarithm(coefficient):
-    """Return the natural logarithm of a Coefficient, and its standard error.
+    """Return the natural logarithm of a Coefficient, and its standard error by the 95 % interval.
 
-    The standard error follows from the 95 % interval. Both are nan if value or interval are not
-    known.
+    Both are nan if the value or the interval is not known.
     """
     value, interval = coefficient.value, coefficient.ci95
     if not value or not interval or interval[1] <= value:

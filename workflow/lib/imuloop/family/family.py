@@ -31,8 +31,7 @@ class Member:
     name: str
     calibration: Calibration
     noise: NoiseModel
-    # p-value, and whether it was added, of each effect that its diagnosis tested, by sensor, kind
-    # of data and name of the effect
+    # the result of `tried_effects`
     tried: dict
 
 
@@ -48,9 +47,10 @@ def read_member(folder):
 
 
 def tried_effects(diagnosis):
-    """Return p-value, and whether it was added, of each effect that a diagnosis tested.
+    """Return the p-value of each effect that a diagnosis tested, and whether it was added.
 
-    The result is a dict by sensor, kind of data and name of the effect.
+    `diagnosis` is the content of diagnosis.json. The keys of the result are tuples: sensor, kind of
+    data (static, poses or reference), and name of the effect. The values are (p-value, bool).
     """
     return {
         (sensor, record, entry["name"]): (entry["p_value"], entry["status"] == "added")
@@ -69,8 +69,8 @@ def write_family(path, types):
 def compare_devices(members):
     """Return the content of family.json on one type, a dict; `members` are its Members.
 
-    Each device is tested in each parameter. The p-values of all these tests are adjusted together
-    by Holm's method.
+    For each parameter, each device is tested for being odd. The p-values of all these tests are
+    adjusted together by Holm's method.
     """
     all_estimates = estimates_of_calibrations([m.calibration for m in members])
     all_estimates += estimates_of_noise([m.noise for m in members])
@@ -99,10 +99,10 @@ def compare_devices(members):
 def compare_parameter(estimates, members):
     """Return the content of family.json on one parameter, a dict, and k p-values, (k,).
 
-    There is a p-value for each of the k devices that determined the parameter: the probability that
-    a device which is not odd is as far from the others. It is not adjusted for other tests. The
-    mean and values of a noise coefficient are in its unit, the spread and standard errors are
-    relative.
+    There is a p-value for each of the k devices whose data determine the parameter: the probability
+    that a device which is not odd differs from the others by at least as much. It is not adjusted
+    for other tests. The mean and the values of a noise coefficient are in its unit; its spread and
+    standard errors are relative.
 
     Parameters
     ----------
@@ -134,12 +134,13 @@ def compare_parameter(estimates, members):
 
 
 def effects(members):
-    """Return a list of the effects that several devices tested, the smallest p-value first.
+    """Return the entries of family.json on effects, a list of dict, the smallest p-value first.
 
-    The hypothesis is that fewer than half of the devices have the effect. Its p-value is Fisher's
-    combination of the larger half of the p-values of the devices (partial conjunction), adjusted
-    for all effects by Holm's method. So a single device alone cannot show an effect of the type,
-    and all devices together can show an effect that no device shows by itself.
+    There is an entry for each effect that at least `LEAST` devices tested. The null hypothesis is
+    that fewer than half of these devices have the effect. Its p-value is Fisher's combination of
+    the larger half of the p-values of the devices (partial conjunction), adjusted for all effects
+    by Holm's method. So one device cannot show an effect of the type, but all devices together can
+    show an effect that none of them shows by itself.
 
     References
     ----------

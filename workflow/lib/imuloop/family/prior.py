@@ -20,9 +20,9 @@ _SMALLEST = 1e-13
 
 
 def read_prior(sheet, file, device, sessions, type=None):
-    """Return the Prior that a file gives: mean and covariance of the parameters before the data.
+    """Return the Prior of a device by a file: mean and covariance of its parameters.
 
-    A parameter that the file does not hold keeps the prior of the data sheet.
+    A parameter that is not in the file keeps the prior of the data sheet.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def read_prior(sheet, file, device, sessions, type=None):
     device : str
         Name of the device, which is left out of the family.
     sessions : dict of str to dict
-        ``kind``, and path of ``samples``, of each session that is calibrated, by name.
+        For each session that is to be calibrated, by name, its ``kind`` and the path of its
+        ``samples``.
     type : str, optional
         Type of the device; needed where the family.json holds several.
 
@@ -61,11 +62,11 @@ def read_prior(sheet, file, device, sessions, type=None):
 
 
 def of_calibration(prior, calibration, source):
-    """Return the Prior by a Calibration from earlier logs of the device.
+    """Return the Prior of a device by its Calibration from earlier logs.
 
-    The result has mean and covariance of the base parameters (misalignments, scale factors, biases)
-    that the calibration estimated; the others keep the values of `prior`, a Prior. The variance of
-    a bias includes the scatter between power cycles. `source` is the name of the file.
+    The misalignments, scale factors and biases that the calibration estimated have the mean and the
+    covariance of this estimate. All others keep the values of `prior`, a Prior. The variance of a
+    bias includes the scatter between power cycles. `source` is the name of the file.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
@@ -90,12 +91,12 @@ def of_calibration(prior, calibration, source):
 
 
 def _refuse_same_logs(calibration, sessions):
-    """Raise an ImuloopError if a calibration is from the given logs, or has other axes than these.
+    """Raise an ImuloopError if a Calibration cannot be the prior of a fit to the `sessions`.
 
-    A log that the calibration comes from would count twice, as prior and as data. The calibration
-    and the sessions may share a static log, because only its noise is used.
-    `sessions` has the ``kind``, and path of ``samples``, of each session that is calibrated, by
-    name.
+    It cannot if it was fitted to one of their logs, which would count twice, as prior and as data.
+    A static log does not matter, because only its noise is used. It cannot either if its axes are
+    other columns of the log than the axes of the sessions. `sessions` has for each session, by
+    name, its ``kind`` and the path of its ``samples``.
     """
     with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
     if {*hashes(with_poses)} & {*calibration.sha256}:
@@ -117,7 +118,11 @@ def _refuse_same_logs(calibration, sessions):
 
 
 def _content_on_type(content, type):
-    """Return the part of the content of family.json on a type, a dict."""
+    """Return the part on a type of `content`, the content of family.json, a dict.
+
+    `type` is the name of the type, or None if the file has a single type. Raises an ImuloopError if
+    there is no such type.
+    """
     types = content["types"] if isinstance(content["types"], dict) else {}
     if type is None and len(types) == 1:
         (type,) = types
@@ -129,12 +134,13 @@ def _content_on_type(content, type):
 
 
 def _of_family(prior, content, device, source):
-    """Return the Prior by the n other devices of a type; parameters that they lack are kept.
+    """Return the Prior of a device by the n other devices of its type.
 
-    `content` is the part of family.json on the type, `device` the name of the device, which does
-    not count, and `source` the name of the file. The prior of a parameter is normal with the mean
-    μ of the devices. Its variance is the variance of a new device, ``τ² + var(μ)``, times
-    ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of freedom.
+    `content` is the part of family.json on the type, `device` the name of the device, and `source`
+    the name of the file. A parameter that fewer than `LEAST_OTHERS` others determined keeps the
+    values of `prior`, a Prior. The prior of all others is normal with the mean μ of the n devices.
+    Its variance is the variance of a new device, ``τ² + var(μ)``, where τ is the spread between
+    devices, times ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of freedom.
 
     References
     ----------
@@ -161,9 +167,10 @@ def _of_family(prior, content, device, source):
 
 
 def _others(content, name, device):
-    """Return values and standard errors of a parameter by all devices but one, (n,) each.
+    """Return the values of a parameter in all devices but `device`, and their errors, (n,) each.
 
-    `content` is the part of family.json on the type, `name` the name of the parameter there.
+    `content` is the part of family.json on the type, and `name` the name of the parameter there.
+    The errors are standard errors. Raises an ImuloopError if the content is damaged.
     """
     try:
         entry = content["parameters"].get(name, {"devices": (), "values": (), "std": ()})

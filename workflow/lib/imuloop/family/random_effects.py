@@ -1,8 +1,10 @@
-"""Random effects with known errors: ``y_i ~ N(μ, τ² + s_i²)``, several such models at once.
+"""Random effects with known errors, ``y_i ~ N(μ, τ² + s_i²)``: mean and spread of devices.
 
-statsmodels has no such model: its MixedLM estimates the errors within a group and takes none that
-are known, and its ``stats.meta_analysis`` has neither restricted likelihood nor an interval of τ.
-Here both take a few lines of linear algebra.
+y_i is the value of device i, s_i its known standard error, μ the mean of the type, and τ the
+standard deviation between devices.
+
+statsmodels has no such model: its MixedLM cannot take known errors, and its
+``stats.meta_analysis`` has neither restricted likelihood nor an interval of τ.
 
 References
 ----------
@@ -26,25 +28,24 @@ _ENDS = (0.975, 0.025)
 
 @dataclass(frozen=True)
 class RandomEffects:
-    """The fit of m models ``y_i ~ N(μ, τ² + s_i²)`` to values y_i of n devices.
+    """The fits of m models ``y_i ~ N(μ, τ² + s_i²)`` to the values y_i of devices.
 
-    s_i is the standard error of a value, which is known. Each model is fitted to its own choice of
-    the devices. All fields are arrays (m,).
+    Each model is fitted to its own choice of the devices. s_i is the known standard error of a
+    value. All fields have the shape (m,).
     """
 
     mean: np.ndarray  # μ
-    mean_variance: np.ndarray  # variance of μ if τ is the estimate
+    mean_variance: np.ndarray  # variance of the estimate of μ, with τ as estimated
     variance: np.ndarray  # τ²
     dof: np.ndarray  # degrees of freedom
     information: np.ndarray  # twice the Fisher information of the restricted likelihood on τ²
 
     def deviation(self, y, squares):
-        """Return the deviation of other values from the mean of each model, and its p-value, (m,).
+        """Return the deviation of a further value from each model, and its p-value, (m,) each.
 
-        Takes a value `y` and its variance s², `squares`, for each model, (m,). The deviation is in
-        standard deviations of a prediction of y, which include τ, the error of the mean and s. The
-        p-value is by Student's t. Its degrees of freedom follow from the error of ``τ² + s²``
-        (Satterthwaite), and are `dof` if all s_i are small.
+        `y` has a value for each model, (m,), and `squares` its variance s², (m,). The deviation is
+        ``(y - μ)/√(τ² + s² + var(μ))``. The p-value is by Student's t, whose degrees of freedom
+        follow from the error of ``τ² + s²`` (Satterthwaite) and are `dof` at most.
         """
         variance = self.variance + squares
         deviation = (y - self.mean) / np.sqrt(variance + self.mean_variance)
@@ -53,18 +54,19 @@ class RandomEffects:
 
 
 def fit(y, squares, counted=None):
-    """Return the RandomEffects of values y of n devices by restricted maximum likelihood.
+    """Return the RandomEffects of the values of n devices by restricted maximum likelihood.
 
-    The model is ``y_i ~ N(μ, τ² + s_i²)``. The score of the likelihood with respect to τ² is
+    The model is ``y_i ~ N(μ, τ² + s_i²)``. The derivative of the log-likelihood by τ² (score) is
     ``½ (yᵀ P P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw``, where W is the diagonal matrix of the
     weights ``w = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is at least zero.
 
     Parameters
     ----------
     y, squares : array_like, shape (n,)
-        Values and the squares of their known standard errors.
+        Values, and the squares s² of their known standard errors.
     counted : array_like of bool, shape (m, n), optional
-        The devices that each model is fitted to, two or more; by default one model has all devices.
+        For each of m models the devices that it is fitted to, two or more. By default one model is
+        fitted to all devices.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)
@@ -97,12 +99,12 @@ def fit(y, squares, counted=None):
 
 
 def spread_interval(y, squares):
-    """Return the 95 % interval of τ by the Q-profile, a pair; its lower end may be zero.
+    """Return the 95 % interval of τ, the standard deviation between devices, a pair of float.
 
-    τ is the standard deviation between devices, ``y_i ~ N(μ, τ² + s_i²)``. With the weighted mean
-    μ, ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)`` is χ² with n - 1 degrees of freedom at the true τ, and
-    falls with τ. An end of the interval is the τ at which Q is a quantile of χ². Takes the values y
-    and their variances s², (n,) each.
+    The model is ``y_i ~ N(μ, τ² + s_i²)``, with the values `y` of n devices, (n,), and their known
+    variances s², `squares`, (n,). With the weighted mean μ, ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)`` is
+    χ² with n - 1 degrees of freedom at the true τ, and falls with τ (Q-profile). So each end of the
+    interval is the τ at which Q equals a quantile of χ². The lower end may be zero.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     # the sum of squares of y about the mean, and a variance that is zero but for rounding
@@ -115,7 +117,7 @@ def spread_interval(y, squares):
         return (w * (y - w @ y / w.sum()) ** 2).sum() - quantile
 
     def crossing(level):
-        """Return the variance τ² at which Q is the quantile of χ² at a level; 0 if it is less."""
+        """Return the τ² at which Q is the quantile of χ² at a level; 0 if Q is always below it."""
         quantile = 2 * gammaincinv((len(y) - 1) / 2, level)
         if excess(least, quantile) <= 0:
             return 0.0

@@ -1,4 +1,4 @@
-"""Files of named arrays, whose columns are a log: Parquet, Feather, NumPy, MATLAB and NetCDF."""
+"""Readers of logs in files of named arrays: Parquet, Feather, NumPy, MATLAB and NetCDF."""
 
 import os
 import re
@@ -71,9 +71,9 @@ def _arrow_log(schema, read, columns):
 
 
 def _log(tree, columns, units=None):
-    """Return the RawLog of arrays by name.
+    """Return the RawLog of named arrays, whose columns are found by `_columns`.
 
-    The table has the columns, as in `_columns`, that are as long as the columns of the sensors.
+    Only columns as long as the columns of the sensors are read.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def _columns(name, value):
 def _of_one_length(series, chosen):
     """Return the names of the columns that are as long as the columns of sensors or reference.
 
-    `series` are all columns by name, and `chosen` are the Columns that are read of them. If these
-    have no sensor and no reference, the longest columns are returned. An ImuloopError is raised if
-    columns of the sensors and the reference differ in length.
+    `series` are all columns by name, and `chosen` are the Columns that were found among them. If
+    `chosen` has no sensor and no reference, the names of the longest columns are returned. An
+    ImuloopError is raised if columns of sensors and reference differ in length.
     """
     names = [*series]
     read = [names[at] for key, at in chosen.raw.items() if key not in (STAMP, TEMPERATURE)]
@@ -153,7 +153,7 @@ def _of_one_length(series, chosen):
 
 
 def _column(values):
-    """Return an array of shape (n,), which may be masked, as a column of Arrow with nulls."""
+    """Return an array, (n,), as an Arrow array; masked values become null."""
     # Arrow has no numbers of more than 8 bytes, and none in a foreign byte order
     kind = values.dtype.newbyteorder("=") if values.dtype.itemsize <= 8 else float
     return pa.array(values.astype(kind, copy=False))
@@ -252,26 +252,26 @@ def read_netcdf(paths, columns=None):
 
 
 def _check_announced(path, arrays, size):
-    """Raise a RejectedLog if a file announces more data than it can hold.
+    """Raise a RejectedLog if the file at `path` announces more data than it can hold.
 
-    `arrays` are the arrays that were read of the file so far, by name, and `size` is the announced
-    size of the next array, bytes.
+    `arrays` are the arrays that were read from the file so far, by name, and `size` is the size of
+    the next array as the file announces it, bytes.
     """
     check_unpacked(os.path.getsize(path), sum(x.nbytes for x in arrays.values()) + size)
 
 
 def _check_links(path):
-    """Raise a RejectedLog if HDF5 has values in another file, which may be any of the machine.
+    """Raise a RejectedLog if an HDF5 file has values in another file, which may be any file.
 
-    Soft links lead to an object of the same file, which is met in any case. Links of all other
-    kinds than hard ones, which a user may define, too, lead out of the file.
+    Soft links stay in the file. Hard links do, too, unless the dataset itself names other files.
+    All other kinds of links lead out of the file.
     """
     import h5py
 
     def fault(name, link):
-        """Return why a link is refused, or None, by its path in the file; each group is met once.
+        """Return the reason, text, if a link is refused; `name` is its path in the file, bytes.
 
-        A reason ends the visit; the library does not pass on an error.
+        A reason ends the visit of the library, which would not pass on an error.
         """
         if name.count(b"/") > _DEEPEST:
             return f"groups lie in each other, more than {_DEEPEST}: save one table"
@@ -291,10 +291,10 @@ def _check_links(path):
 
 
 def _dates(values, text):
-    """Return times as dates, a masked array of shape (n,), or None if they are not dates.
+    """Return the dates that numbers stand for, a masked array, (n,), or None if they are not dates.
 
-    `values` are numbers, (n,), which are dates if their unit `text` is such as ``seconds since
-    2024-01-01``. A RejectedLog is raised for dates outside of `YEARS`.
+    `values` are the numbers, (n,), and `text` is their unit. They are dates if the unit is such as
+    ``seconds since 2024-01-01``. A RejectedLog is raised for dates outside of `YEARS`.
     """
     match = _SINCE.fullmatch(text)
     unit = match and ("D" if match[1].lower() in ("day", "days") else stated_unit("time", match[1]))

@@ -1,4 +1,4 @@
-"""Attitudes and places of a reference over time: turns between them, values at instants."""
+"""Attitudes and places by a reference, such as motion capture, over time."""
 
 from dataclasses import dataclass
 
@@ -39,10 +39,11 @@ class Reference:
 
 
 def turns(reference, seconds=COMPARED):
-    """Return the turns of a Reference over about `seconds`: start, end and rotation vector.
+    """Return the rotations of a Reference over m intervals of about `seconds`.
 
-    Start and end are times, s, (m,) each. The rotation vectors from start to end, (m, 3), are in
-    rad on body axes. Turns that last 1.5 times `seconds` or more, as over a gap, are left out.
+    The results are the start and the end of each interval, s, (m,) each, and the rotation vector
+    from start to end, rad, on body axes, (m, 3). An interval begins at each sample. Intervals of
+    1.5 times `seconds` or more, as over a gap, are left out.
     """
     rows = np.flatnonzero(reference.has_attitude)
     t, rotation = reference.t[rows], Rotation.from_quat(reference.q[rows], scalar_first=True)
@@ -65,10 +66,11 @@ def angles(t, w, start, end):
 
 
 def at_instants(reference, t):
-    """Return a Reference at the instants `t`, s, (m,): columns of shape (m,) by name, a dict.
+    """Return attitude and place of a Reference at the times `t`, s, (m,), a dict of columns, (m,).
 
-    Values between samples come from cubics. They are not-a-number in gaps longer than `BRIDGED` and
-    1.5 usual steps, and in stretches of fewer than four samples.
+    The columns are `ORIENTATION` and `POSITION`. Values between samples come from cubics. They are
+    not-a-number in a gap longer than both `BRIDGED` and 1.5 usual steps, and in stretches of fewer
+    than four samples.
     """
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
     times, q = reference.t[reference.has_attitude], reference.q[reference.has_attitude]
@@ -82,9 +84,10 @@ def at_instants(reference, t):
 
 
 def _by_cubics(t, times, values, longest):
-    """Return values, (n, k), at `times`, s, (n,), at the instants `t`, s, (m,), as (m, k).
+    """Return values at the times `t`, s, (m,), by cubics through n samples, (m, k).
 
-    They are not-a-number in gaps longer than `longest`, s, and in stretches of fewer than four.
+    The samples have the `times`, s, (n,), and the `values`, (n, k). The result is not-a-number in
+    gaps longer than `longest`, s, and in stretches of fewer than four samples.
     """
     at_t = np.full((len(t), values.shape[1]), np.nan)
     breaks = np.flatnonzero(np.diff(times) > longest) + 1

@@ -1,14 +1,14 @@
-"""Orientation of the axes of the two sensors to each other, by the turns of a log.
+"""A test of whether both sensors of a log have the same axes, by the turns of the device.
 
-While a device turns, the direction u of gravity in its axes obeys ``du/dt = u × ω``. Over two
-neighbouring windows of T seconds, whose means are u₁ and u₂, this is without approximation
+While a device turns at the rate ω, the direction u of gravity on its axes obeys ``du/dt = u × ω``.
+Over two neighbouring windows of T seconds, with the means u₁ and u₂ of u, this gives exactly
 
     u₂ - u₁ = ∫ w u × P (r - b) dt
 
-The weight w rises from 0 to 1 over the first window and falls to 0 over the second. r is the rate
-as logged, b its bias, and P one of the 48 signed permutations of the axes: the identity in a good
-log. Gravity shows nothing but P. It cannot show which of the two sensors is at fault, nor whether
-all three signs of the accelerometer are wrong.
+The weight w rises from 0 to 1 over the first window and falls to 0 over the second. r is the
+angular rate as logged, b its bias, and P one of the 48 signed permutations of the axes, a mapping.
+In a good log P is the identity. The test finds P. It cannot show which of the two sensors has wrong
+axes, nor whether all three signs of the accelerometer are wrong.
 """
 
 from itertools import permutations, product
@@ -41,10 +41,10 @@ CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
 def fit_axes(means, step):
-    """Return the agreement of the axes of both sensors, the entry `axes` of quality.schema.yaml.
+    """Return the agreement of the axes of both sensors, the entry ``axes`` of quality.json, a dict.
 
-    `means` are the means of the six channels over `step` s each, SI, (6, m). The result is None if
-    gravity turns in fewer than `LEAST_STEPS` steps.
+    `means` are m successive means of the six channels, each over `step` s, SI, (6, m). The result
+    is None if gravity turns in fewer than `LEAST_STEPS` pairs of windows.
     """
     fine = max(round(TURN_WINDOW / step), 1)
     count = means.shape[1] // fine
@@ -89,8 +89,8 @@ def fit_axes(means, step):
 def mapping_words(mapping):
     """Return a mapping of the axes in words, such as "x as gy, y as -gx: turned axes".
 
-    `mapping` has a number for each of x, y, z: 1, 2, 3 for gx, gy, gz, negative if the sign is
-    turned, and 0 if the axis is not known.
+    `mapping` has for each axis x, y, z of the accelerometer the axis of the gyroscope: 1, 2, 3 for
+    gx, gy, gz, negative if the sign is turned, and 0 if it is not known.
     """
     axes = [
         f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"

@@ -1,8 +1,8 @@
-"""One channel of a log: values that repeat, that stay at an end of the range, or that jump.
+"""Faults of one channel of a log: stuck, saturated, held or missing values, and wraps of integers.
 
-A *run* is a stretch of rows with one value. Long runs are stuck values, runs at the ends of the
-range are saturation, runs of one row that come back to one value are failed reads, and equal runs
-are values that are held.
+A *run* is a stretch of rows with one value. Very long runs are stuck values. Runs at an end of the
+range are saturation. Many runs of one row with the same far value are failed reads. Runs of equal
+length are values that are held.
 """
 
 import numpy as np
@@ -33,16 +33,20 @@ MOST = 0.9
 
 
 def new_rows(samples, names):
-    """Return the rows with a new sample of the sensor with the channels `names`, (k,) or a slice.
+    """Return the rows in which a sensor has a new sample, an index array, (k,), or a slice of all.
 
-    `samples` are columns by name. Rows repeat the samples of a sensor with a slower clock.
+    `samples` are columns by name, and `names` the channels of the sensor. If it is the slower one
+    of two sensors, rows repeat its samples.
     """
     stamps = {axes: OWN_TIME[sensor] for sensor, axes in SENSORS.items()}.get(tuple(names))
     return own_rows(samples[stamps]) if stamps in samples else slice(None)
 
 
 def quantisation_step(x):
-    """Return the smallest step between values of x, (n,), or 0 if most values are distinct."""
+    """Return the smallest step between the values of a channel x, (n,); 0 if more than half differ.
+
+    It is the quantisation step, which is not known if more than half of the values are distinct.
+    """
     # only the first part of a long log is used
     x = x[:ROWS][np.isfinite(x[:ROWS])]
     levels = np.sort(pd.unique(x))
@@ -58,9 +62,9 @@ def blocks(x):
 
 
 def least_stuck(lengths):
-    """Return the least number of rows of a stuck run, infinite if no run is stuck.
+    """Return the number of rows from which on a run is stuck; infinite if no run is stuck.
 
-    `lengths` are the numbers of rows of all runs, (m,).
+    `lengths` are the numbers of rows of all m runs of a channel, (m,).
     """
     ordered = np.sort(lengths)
     longer = ordered[FEWEST:]
@@ -69,20 +73,20 @@ def least_stuck(lengths):
 
 
 class Channel:
-    """The samples of a channel and what its runs show.
+    """The n samples of a channel and their faults.
 
     Attributes
     ----------
     x, step : array of shape (n,), float
         The samples, SI, and their quantisation step, 0 if it is unknown.
     low, high : float
-        Ends of the range of the samples.
+        Least and largest sample.
     width : array, shape (n // BLOCK,)
-        Range of the values in each block.
+        Largest minus least value in each block of `BLOCK` rows.
     changed : array of bool, shape (n - 1,)
-        Which rows differ from the row before.
+        Whether each row but the first differs from the row before.
     is_fine : bool
-        Whether noise spans the step in half of the blocks that change.
+        Whether the values span more than `SPAN` steps in at least half of the blocks that change.
     stuck : list of tuple of int
         First row and number of rows of the stuck runs.
     tops : array
@@ -117,7 +121,10 @@ class Channel:
 
     @property
     def is_silent(self):
-        """Whether the channel changes, but never in most blocks; stuck once or twice, it is not."""
+        """Whether the channel changes, but is constant in most blocks.
+
+        A channel with one or two stuck runs is not silent.
+        """
         is_still = self.low < self.high and np.count_nonzero(self.width) < len(self.width) / 2
         return is_still and len(self.stuck) not in (1, 2)
 
@@ -140,10 +147,10 @@ class Channel:
     def _wraps(self):
         """Return the rows after which an integer wraps around, (k,) of int.
 
-        It then jumps from one end of its range to the other. Three other causes are excluded: a
-        range whose ends are not of opposite sign and about equal size; a value that swings from end
-        to end, which also makes large steps just before or after; and a value that saturates, which
-        stays at an end.
+        A wrap is a jump from one end of the range to the other. A jump does not count if the ends
+        differ in size by more than a fifth of the range. It does not count either if the steps just
+        before or after it are large (a value swings from end to end), or if the value stays at an
+        end (it saturates).
         """
         size, span = np.abs(np.diff(self.x)), self.high - self.low
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
@@ -156,7 +163,7 @@ class Channel:
 
 
 def rows_a_value(channels):
-    """Return the number of rows for which a sensor holds each value, 1 if it does not hold them.
+    """Return the mean number of rows for which a sensor holds a value; 1 if it holds none.
 
     `channels` is the list of the Channels of the sensor.
     """
@@ -169,9 +176,9 @@ def rows_a_value(channels):
 
 
 def count_alone(mask):
-    """Return the number of rows in which a mask, (n,), is true but not in the rows beside.
+    """Return the number of rows in which a mask, (n,), is true, but false just before and after.
 
-    The result is 0 if these are not more than the share `OFTEN` of all rows.
+    The result is 0 if these rows are not more than the share `OFTEN` of all rows.
     """
     alone = int(np.count_nonzero(mask[1:-1] & ~mask[:-2] & ~mask[2:]))
     return alone if alone > OFTEN * len(mask) else 0

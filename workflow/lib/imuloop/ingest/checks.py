@@ -53,10 +53,11 @@ LEAST_WRAPS, MOST_WRAPS = 3, 20
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table of checks.
+    """A row of the table of checks: a test of a log for one fault.
 
-    `about` has the subjects of the check, words. Once a check has a finding, all later checks that
-    share a subject with it are skipped.
+    `name` is unique, `severity` is one of `SEVERITIES`, and `measure` is the function of the test.
+    `message` and `remedy` are formats of the text for the user. `about` are the subjects of the
+    check, words. Once a check has a finding, all later checks with a subject of it are skipped.
     """
 
     name: str
@@ -76,7 +77,7 @@ def listed(counts, text="{0} {1}"):
 
 
 def _dropped_rows(e):
-    """Return the numbers of lost rows in words if too many are lost."""
+    """Return the numbers of lost rows in words, if more than `MOST_DROPPED` of all are lost."""
     missing = {n: c for n, c in e.counts.missing_values.items() if n != TEMPERATURE}
     parts = {
         f"with missing or impossible values ({', '.join(listed(missing))})": e.counts.non_finite,
@@ -91,19 +92,19 @@ def _dropped_rows(e):
 
 
 def _lost_text(e):
-    """Return the share of the log's bytes in bad lines, text, if it is too large."""
+    """Return the share of the log's bytes in bad lines, text, if it exceeds `MOST_DROPPED`."""
     share = e.log.lost_bytes / max(e.log.text_bytes, 1)
     return share > MOST_DROPPED and f"{share:.1%}"
 
 
 def _rate(e):
-    """Return words on the unit of the time stamps if no IMU has the log's rate."""
+    """Return words on the unit of the time stamps if the rate is not within `PLAUSIBLE_RATE`."""
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
     return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
 
 def _units(e):
-    """Return which units of the time stamps would make the rate a usual one, in words, or a dot."""
+    """Return words on units of time that would make the rate a usual one; a dot if none does."""
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= MOST_RATE]
     words = f": the stamps look like {' or '.join(fits)}; declare units.time: {(*fits, '')[0]}"
@@ -111,7 +112,7 @@ def _units(e):
 
 
 def _milliseconds(e):
-    """Return whether time stamps of no declared unit, taken as seconds, give too low a rate."""
+    """Return whether time stamps without a stated unit, taken as s, give too low a rate."""
     is_stated = "time" in {**e.declared.units, **e.log.units} or e.counts.start_ns
     least = e.declared.rate / 500 if e.declared.rate else LEAST_RATE
     in_seconds = e.counts.time_unit == "s" and not is_stated
@@ -119,20 +120,23 @@ def _milliseconds(e):
 
 
 def _failed_reads(e):
-    """Return the channels with failed reads, and the largest share of rows, text, if too large."""
+    """Return the channels with failed reads and their largest share of rows, text.
+
+    The result is false if this share is at most `MOST_DROPPED`.
+    """
     failed = {n: rows for n, rows in e.faults["failed_reads"].items() if rows}
     share = max(failed.values(), default=0) / max(e.figures["rows"], 1)
     return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
 def _wraps(e, least):
-    """Return a text for each channel that wraps around, if one does so at least `least` times."""
+    """Return a text for each channel whose integer wraps around, if one does `least` times."""
     wraps = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
     return max(wraps.values(), default=0) >= least and listed(wraps, "{} {} times")
 
 
 def _motion(e):
-    """Return the figures of rests, with angles in degrees, if a static session moves."""
+    """Return the figures ``rests``, with angles also in degrees, if a static session moves."""
     rests = e.faults["rests"]
     if not rests or e.kind != "static":
         return None
@@ -275,9 +279,9 @@ CHECKS = [
 # a broken log may have a specific force of zero
 @np.errstate(all="ignore")
 def findings(evidence):
-    """Return the lines of the checks that find something, {severity: list of str}.
+    """Return the lines on the faults of a log for the user, {severity: list of str}.
 
-    An `UNREADABLE` log has a single finding.
+    `evidence` is the Evidence on the log. An `UNREADABLE` log has a single line.
     """
     lines, done = {severity: [] for severity in SEVERITIES}, set()
     for check in CHECKS:

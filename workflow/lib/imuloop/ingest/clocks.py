@@ -1,6 +1,6 @@
-"""A log's clock: time stamps that roll over, start again or stray are mended.
+"""The clock of a log: time stamps that roll over, start again or stray are mended.
 
-Steps in which samples are missing are in `core.gaps`.
+Missing samples are the subject of `core.gaps`.
 """
 
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ SPANS = sorted(
 
 
 def span(last, first, step, tick=1):
-    """Return the span of a counter that rolls over from `last` to `first`; None if none fits.
+    """Return the span of a counter that rolls over from the stamp `last` to `first`, or None.
 
-    The two stamps and the usual step of the stamps, `step`, are in units of `tick` ns, and so is
-    the result. It is one of `SPANS`, a whole number if the stamps are whole. The counter starts at
-    0, or at minus half of its span.
+    The stamps, their usual step `step` and the result are in units of `tick` ns. The span is one of
+    `SPANS`, a whole number if the stamps are whole. It is taken that the counter starts at 0, or at
+    minus half of its span. The result is None if no span fits.
     """
     whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
@@ -49,13 +49,13 @@ def span(last, first, step, tick=1):
 
 @dataclass
 class Clock:
-    """The faults that were mended in the stamps of a log, and how often each occurred.
+    """The faults of the time stamps of a log that were mended, and how often each occurred.
 
-    `rollovers` is how often the counter rolled over; its span, `span_s`, s, is added each time.
-    `resets` is how often the clock started again; the stamps then go on `FEW_STEPS` usual steps
-    after the last one. `strays` is the number of stamps that lie ahead of at least two rows which
-    follow in their place; they count as missing. `unpadded` is how often the stamps fall because
-    parts of a second lack their leading zeros.
+    `rollovers` is the number of roll-overs of the counter; its span `span_s`, s, is added at each.
+    `resets` is the number of times that the clock started again; the stamps then go on `FEW_STEPS`
+    usual steps after the last one. `strays` is the number of stamps that are later than at least
+    two of the next rows, while these go on from the rows before; they count as missing. `unpadded`
+    is the number of falls because parts of a second lack their leading zeros, which is not mended.
     """
 
     rollovers: int = 0
@@ -67,12 +67,11 @@ class Clock:
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
     def mended(self, x, readable, tick=None):
-        """Return stamps whose clock never falls, (n,), and a mask of usable stamps, (n,) of bool.
+        """Return the mended stamps, (n,), and a mask of the usable ones, (n,) of bool.
 
-        A single late row stays as it is: the rows that follow leap back to where the stamps were.
         `x` are the stamps as logged, (n,), and `readable` is the mask of the readable ones, (n,).
         `tick` is the number of nanoseconds in the unit of the stamps; it is None for dates, which
-        do not roll over.
+        do not roll over. A late row is not mended: the rows after it go on from the rows before.
         """
         values = x if readable.all() else x[readable]
         falls = np.flatnonzero(values[1:] < values[:-1])
@@ -105,11 +104,11 @@ class Clock:
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):
-        """Return the shift of all stamps from a fall on, in their unit; 0 for a late row.
+        """Return the shift that mends all stamps from a fall on, in their unit; 0 for a late row.
 
-        `before` and `ahead` are the stamps of up to `AHEAD` rows before the fall, and from the fall
-        on. `last` is the newest stamp before it. `tick` is the number of nanoseconds in a unit,
-        None for dates.
+        A fall is a stamp that is smaller than the one before. `before` and `ahead` are the stamps
+        of up to `AHEAD` rows before the fall, and from the fall on. `last`
+        is the newest stamp before it. `tick` is the number of ns in a unit, None for dates.
         """
         steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
@@ -151,10 +150,10 @@ class Clock:
 
 
 def _count_unpadded(last, first, second):
-    """Return the number of falls from missing leading zeros; 0 if they may be accidental.
+    """Return the number of falls because of missing leading zeros; 0 if they may be accidental.
 
-    `last` and `first` are the stamps before and after each of k falls, (k,). `second` is the number
-    of their units in a second.
+    `last` and `first` are the stamps before and after each of k falls, (k,). `second` is a second
+    in the unit of the stamps.
     """
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))

@@ -34,12 +34,12 @@ _SHOWN = 600
 class Columns:
     """The columns of a log that are read.
 
-    `raw` maps each raw column to its position in the log, from 0. The first `stamps` of them hold
-    stamps or counters. Among these are ``interval.SENSOR``, the interval of a sensor's increments,
-    ``pps.counter``, ``pps.time``, and the columns declared as ``others``. `places` are the
-    positions of the columns of each quantity, a tuple, and `units` the units that the log states.
-    If the time is two columns, they hold whole seconds and parts of a second in units of `part_ns`
-    ns. `turned` are the axes whose sign is turned.
+    `raw` maps the name of a column of the RawLog to its position in the log, from 0. The first
+    `stamps` of these columns hold time stamps or counters: ``stamp``, ``interval.SENSOR``, the
+    interval of a sensor's increments, ``pps.counter``, ``pps.time``, and the columns declared as
+    ``others``. `places` has the positions of the columns of each quantity, a tuple, and `units` the
+    units that the log states, by quantity. If the time has two columns, they hold whole seconds and
+    parts of a second in units of `part_ns` ns. `turned` are the axes whose sign is changed.
     """
 
     raw: dict
@@ -158,10 +158,10 @@ def ambiguous(quantity, candidates, how=""):
 
 
 def _usual(quantity, places, names):
-    """Return the positions of the columns of a quantity, a tuple, empty for none.
+    """Return the positions of the columns with a usual name of a quantity, a tuple; empty for none.
 
-    `places` are the positions of columns with usual names, the best first, and `names` are the
-    names of all columns. An ImuloopError is raised if several columns are equally good.
+    `places` is a list of such tuples, the best first, and `names` are the names of all columns. An
+    ImuloopError is raised if several are equally good.
     """
     if quantity in SENSORS:
         candidates = ["/".join(names[at] for at in where) for where in places]
@@ -174,10 +174,11 @@ def _usual(quantity, places, names):
 
 
 def _stated_units(places, names, units, increments):
-    """Return the units that the log states in names or beside them, by quantity, a dict.
+    """Return the units that the log states, a dict by quantity.
 
-    `places` are the positions of the columns of each quantity, `names` and `units` the names and
-    units of all columns, and `increments` the names of the increments of sensors.
+    `places` are the positions of the columns of each quantity. `names` and `units` are the names
+    and units of all columns; a name may hold a unit, too. `increments` has the name of the
+    increments of each sensor that logs them.
     """
     units = [unit.strip("[]{} ") for unit in units] or [""] * len(names)
     texts = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
@@ -193,10 +194,10 @@ def _stated_units(places, names, units, increments):
 def _intervals(declared, names, headed, usual, increments):
     """Return the position of the column with the interval of each sensor's increments.
 
-    `declared` are the declared columns by quantity, and `names` are the names of all columns,
-    and `headed` tells whether the log has them. `usual` are the positions of columns with usual
-    names of an interval. `increments` is the name of the increments of each sensor that logs them.
-    The result is a dict by ``interval.SENSOR``, empty if no interval is logged.
+    The result is a dict by ``interval.SENSOR``, empty if no interval is logged. `declared` are the
+    declared columns by quantity, `names` the names of all columns, and `headed` tells whether the
+    log has names. `usual` are the positions of columns with usual names of an interval.
+    `increments` has the name of the increments of each sensor that logs them.
     """
     interval = declared.get("interval")
     if "interval" not in declared and increments:
@@ -212,10 +213,11 @@ def _intervals(declared, names, headed, usual, increments):
 
 
 def _declared(quantity, column, names, headed):
-    """Return the positions of a declared `column`, a tuple, empty for None.
+    """Return the positions of the columns that are declared for a quantity, a tuple.
 
-    `names` are the names of all columns, and `headed` tells whether the log has them. Raises an
-    ImuloopError for a sensor that is not three columns, or if a column does not exist.
+    `column` is the declaration: a column, a list of columns, or None, for which the result is
+    empty. `names` are the names of all columns, and `headed` tells whether the log has names.
+    Raises an ImuloopError for a sensor without three columns, or if a column does not exist.
     """
     if column is None:
         return ()
@@ -227,9 +229,10 @@ def _declared(quantity, column, names, headed):
 
 
 def without_sign(column, names=()):
-    """Return a declared column of a sensor without the minus that turns it: ``-AccX``, ``-3``.
+    """Return a declared column of a sensor without its minus: ``AccX`` for ``-AccX``.
 
-    A column whose name, in `names`, begins with a minus stays as it is.
+    The minus changes the sign of the values. A column whose name in `names` begins with a minus
+    stays as it is.
     """
     if isinstance(column, str) and column.startswith("-") and column not in names:
         return int(column[1:]) if column[1:].isdecimal() else column[1:]

@@ -1,4 +1,4 @@
-"""Tests, by the sensors, whether a reference has the declared convention, order and units."""
+"""Tests of whether a reference has the declared convention, order and units, by the sensors."""
 
 from dataclasses import replace
 from itertools import product
@@ -23,11 +23,12 @@ LEAST = 50
 
 
 def _frame(turn, angle):
-    """Return the rotation from the sensor's axes to the reference's axes, and its residual.
+    """Return the rotation from the sensor's axes to the reference's axes, (3, 3), and its residual.
 
-    `turn` are rotation vectors by the reference and `angle` by the sensor, rad, (n, 3). The
-    rotation, (3, 3), is their least-squares fit (Kabsch), in which the worst tenth is left out the
-    second time. The residual is its root mean square, as a share of the turns.
+    `turn` are the rotation vectors of n turns by the reference and `angle` those by the sensor,
+    rad, (n, 3) each. The rotation is their least-squares fit (Kabsch), made twice: the second fit
+    leaves out the worst tenth of the turns. The residual is the root mean square of the errors over
+    the root mean square of the turns.
     """
     keep = np.ones(len(turn), bool)
     for _ in range(2):
@@ -39,10 +40,11 @@ def _frame(turn, angle):
 
 
 def convention_faults(reference, t, w, declared):
-    """Compare the attitudes with the angular rate; return reasons, frame and residual.
+    """Return reasons why attitudes of a reference do not fit the angular rate, and fitted axes.
 
-    Both conventions and both orders of the quaternion are tried, so that the reason can say what
-    fits. Turns alone do not tell a wrong order from other axes of the world: `place_faults` does.
+    Both conventions and both orders of the quaternion are tried, so that the reason can name the
+    ones that fit. A wrong order may look like other axes of the world; `place_faults` tells them
+    apart.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def convention_faults(reference, t, w, declared):
     Returns
     -------
     reasons : list of str
-        Empty if the attitudes fit.
+        The reasons; empty if the attitudes fit.
     frame : array, shape (3, 3)
         Rotation from the axes of the sensor to the axes of the reference.
     residual : float
@@ -94,13 +96,14 @@ def convention_faults(reference, t, w, declared):
 
 
 def _gain(reference, t, f, frame):
-    """Return the matrix, (3, 3), from specific force in the world to acceleration of the places.
+    """Return the matrix from the specific force to the acceleration by the reference, (3, 3).
 
-    It is a least-squares fit to means over windows. The acceleration in a window is the second
-    difference of three places. `reference` is the Reference, `t` are the times of the samples, s,
-    (n,), `f` is their specific force, m/s^2, (n, 3), and `frame` rotates from the axes of the
-    sensor to the axes of the reference. The result is None if there are too few places or too
-    little motion.
+    It is the identity if the places of the reference are on the axes and in the unit of its
+    attitudes. It is a least-squares fit to changes of both, on the axes of the world, in windows.
+    The acceleration in a window is the second difference of three places. `reference` is the
+    Reference, `t` are the times of the samples, s, (n,), `f` is their specific force, m/s^2,
+    (n, 3), and `frame` rotates from the axes of the sensor to the axes of the reference. The result
+    is None if there are too few places or too little motion.
     """
     columns = at_instants(reference, t)
     q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))

@@ -25,14 +25,15 @@ def _of_channels():
 
 @dataclass
 class Counts:
-    """Numbers of used and dropped rows of a log, and findings on its clock and its values.
+    """Numbers of used and dropped rows of a log, and facts about its clock and its values.
 
-    Each row is counted once. `reasons` are lines on a log that cannot be used. `identical` rows
-    repeat the one before in stamp and all values. `is_gravity` and `in_two_units` are results of
-    `misread`. `increments`, `pps` and `logged` are entries of quality.json on increments, 1PPS
-    marks and rebuilt time stamps, or None; `rebuilt` is the line on the last. `start_ns` is the
-    moment of the first sample, ns since 1970, None if stamps are not dates. It lies `begin_s` s
-    after the log's first stamp, `origin` as logged.
+    Each row that is dropped is counted once, under the first fault that applies. `identical` rows
+    repeat the row before in time stamp and all values. `reasons` are lines on why a log cannot be
+    used. `is_gravity` and `in_two_units` are results of `misread`. `increments`, `pps` and `logged`
+    are entries of quality.json on increments, 1PPS marks and rebuilt time stamps, or None;
+    `rebuilt` is the line on rebuilt time stamps for the user. `start_ns` is the time of the first
+    sample, ns since 1970, None if the time stamps are not dates. `begin_s` is the time from the
+    first time stamp of the log, `origin`, to the first sample, s.
     """
 
     reasons: list = field(default_factory=list)
@@ -71,9 +72,9 @@ def no_samples(log):
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def si_samples(rows, raw_units):
-    """Return the samples of `Rows`, a dict of columns of shape (n,) in SI, and their `Counts`.
+    """Return the samples of `Rows` in SI, a dict of columns, (n,), and their `Counts`.
 
-    The column ``t`` starts at 0 and rises. `raw_units` are the `RawUnit` of each sensor by
+    The column ``t`` starts at 0 and rises. `raw_units` has the `RawUnit` of each sensor by
     quantity. Rows with a fault are left out and counted.
     """
     log = rows.log

@@ -1,4 +1,4 @@
-"""Damaged files, and files made to break their reader, are rejected with one line."""
+"""Rejection of damaged files, and of files that are made to break their reader."""
 
 from importlib import import_module
 from pathlib import Path

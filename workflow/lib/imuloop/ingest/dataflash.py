@@ -34,10 +34,10 @@ _LEAST_SHARE = 0.01
 def read(paths, columns=None):
     """Return the RawLog of a DataFlash log.
 
-    A stream is a message with its instance, such as ``IMU_0``. In older logs, which have no
-    instances, it is a message, such as ``IMU2``. `columns` are the declared columns by quantity,
-    each a stream or ``STREAM.FIELD``; they may be of messages other than IMU, ACC, GYR and IMT.
-    Increments are divided by their own interval.
+    A stream has the rows of a message of one instance (sensor), such as ``IMU_0``. In older logs,
+    which have no instances, it has the rows of a message, such as ``IMU2``. `columns` are the
+    declared columns by quantity, each a stream or ``STREAM.FIELD``; they may be of messages other
+    than IMU, ACC, GYR and IMT. Increments are divided by their own interval.
     """
     with open(paths["log"], "rb") as file:
         data = file.read()
@@ -86,11 +86,11 @@ def _messages(data, wanted):
 
 
 def _fields(data, rows, size, codes, names):
-    """Return the numbers in m messages, a dict of arrays of shape (m,) by name of the field.
+    """Return the numbers in m messages of one kind, a dict of arrays, (m,), by name of the field.
 
-    `rows` are the positions of the messages in `data`, bytes. `size`, `codes` and `names` are their
-    definition: the number of bytes, a letter for the type of each field, and the names of the
-    fields. The result is empty if the definition contradicts itself.
+    `rows` are the positions of the messages in `data`, bytes, (m,). `size`, `codes` and `names`
+    define the kind: the number of bytes of a message, a letter for the type of each field, and the
+    names of the fields. The result is empty if the definition contradicts itself.
     """
     names = names.split(",")
     whole = np.dtype([("", "S3"), *(("", _CODES.get(code, "S0")) for code in codes)])
@@ -107,10 +107,11 @@ def _fields(data, rows, size, codes, names):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(name, fields):
-    """Return a Stream for each instance of a message, a list.
+    """Return a Stream for each instance (sensor) of a message, a list.
 
-    `name` is the name of the message, and `fields` are its numbers by name of the field. The fields
-    of the sensors get their usual names, too. The list is empty for a message without time stamps.
+    `name` is the name of the message, and `fields` are its numbers by name of the field. A Stream
+    also has the fields of the sensors under their usual names. The list is empty for a message
+    without time stamps.
     """
     fields = {field: np.asarray(values) for field, values in fields.items()}
     clock = next((field for field in _STAMPS if field in fields), None)

@@ -70,10 +70,10 @@ def read(paths, columns=None):
 
 
 def _refuse_devices(layout, chosen):
-    """Raise a RejectedLog if a column says that the first rows are of several devices in turn.
+    """Raise a RejectedLog if a column shows that the rows are of several devices in turn.
 
-    `layout` is the Layout of the table, and `chosen` are the Columns that are read. A row counts if
-    it has values of the sensors that are not all zero.
+    `layout` is the Layout of the table, and `chosen` are the Columns that are read. Only the first
+    rows are looked at, and of these only rows in which the sensors have values that are not zero.
     """
     rows = [[*row, *[""] * len(layout.names)] for row in layout.rows]
     for sensor in {*SENSORS} & {*chosen.places}:
@@ -90,10 +90,11 @@ def _refuse_devices(layout, chosen):
 
 
 def _scaled(layout, units):
-    """Return units, and scales of counts, dicts by quantity, and the tick of the stamps.
+    """Return the units of a text table, the scales of its counts, and the tick of its time stamps.
 
-    The tick is in the unit of time. Lines above the header may name the scales. A unit that is a
-    multiple of a unit of the library is a count with a scale. `layout` is the Layout of the table,
+    Units and scales are dicts by quantity; a scale is a dict, as in `RawLog.nominal`. The tick is
+    in the unit of time. A unit that is a multiple of a known unit, such as mdeg/s, becomes a count
+    with a scale. Lines above the header may also state scales. `layout` is the Layout of the table,
     and `units` are the units by quantity that the table states.
     """
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
@@ -162,9 +163,10 @@ def text_columns(source, layout, positions, log, stamps):
 
 
 def _joined(batches):
-    """Return the columns of a text, a dict of Arrow arrays; `batches` is the reader of its blocks.
+    """Return the columns of a text table, a dict of Arrow arrays by name.
 
-    A column of numbers grows in its place, so that no memory is used twice.
+    `batches` is pyarrow's reader of its blocks. A column of numbers grows in its place, so that no
+    memory is used twice.
     """
     fields, count = {field.name: field.type for field in batches.schema}, 0
     numbers = {name: np.empty(0) for name, kind in fields.items() if kind == pa.float64()}
@@ -183,7 +185,10 @@ def _joined(batches):
 
 
 def _stamp_kind(layout, at):
-    """Return the type of the stamps in column `at`: int64, float64, or text for dates."""
+    """Return the Arrow type in which the stamps in column `at` of a Layout are read.
+
+    It is int64, float64, or text for dates, by the first rows.
+    """
     texts = [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
     kind = stamp_array(pa.array(texts, pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
@@ -192,8 +197,8 @@ def _stamp_kind(layout, at):
 def _blocks(source, layout, weights):
     """Yield the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
 
-    `source` is the path of the table or its text as bytes, and `layout` its Layout. The number of
-    written bytes in each block is added to the list `weights`. Comments are left out.
+    `source` is the path of the table or its text as bytes, and `layout` its Layout. The `_weight`
+    of each block, bytes, is appended to the list `weights`. Comments are left out.
     """
     lines, skipped = b"", layout.start
     # an empty part marks the end
@@ -217,9 +222,9 @@ def _blocks(source, layout, weights):
 
 
 def _check_comments(layout, comments):
-    """Raise a RejectedLog if one of the comments, texts, is a header that differs from the first.
+    """Raise a RejectedLog if a comment between rows is a header that differs from the first one.
 
-    `layout` is the Layout of the table.
+    `comments` are the texts of the comments, and `layout` is the Layout of the table.
     """
     rows = [fields_of(COMMENT.sub("", text, count=1), layout.separator) for text in comments]
     rows = [row for row in rows if len(row) == len(layout.names)]
@@ -229,9 +234,10 @@ def _check_comments(layout, comments):
 
 
 def _refuse_header(layout, positions, columns):
-    """Raise a RejectedLog if a column holds the name of another: a second header differs.
+    """Raise a RejectedLog if the table has a second header with its columns in another order.
 
-    `layout` is the Layout of the table, and `columns` are the texts in the columns at `positions`.
+    Then a column holds the name of another column. `layout` is the Layout of the table, and
+    `columns` are the texts in the columns at `positions`, Arrow arrays.
     """
     for at, texts in zip(positions, columns, strict=False):
         others = pa.array({*layout.names} - {layout.names[at]}, pa.string())
@@ -251,6 +257,6 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return the number of bytes of a text without zeros, erased memory and blanks."""
+    """Return the number of bytes of a text, but for blanks, zeros and erased memory."""
     # to count takes far longer than to search
     return len(text) - sum(text.count(byte) for byte in (_EMPTY, b" ") if byte in text)

@@ -1,4 +1,4 @@
-"""Time stamps of packets, in bursts or scattered are made even if the sensor samples evenly."""
+"""Even time stamps for a sensor that samples evenly, but whose host stamps samples unevenly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ RATE_SHARE = 0.05
 class Even:
     """Samples at even steps, some of which may be lost.
 
-    `step` is the time from sample to sample, s. `rows` are the rows after a loss, (m,) of int, and
-    `lost` is the number of samples lost before each of them in total.
+    `step` is the time from sample to sample, s. `rows` are the m rows just after a loss, (m,) of
+    int, and `lost` is the number of all samples lost before each of them, (m,) of int.
     """
 
     step: float
@@ -49,25 +49,25 @@ class Even:
     lost: Sequence = ()
 
     def number(self, rows):
-        """Return the number of the sample in each row, counted with lost samples, (k,) of int."""
+        """Return the number of the sample in each of k rows, lost samples included, (k,) of int."""
         return rows + np.array([0, *self.lost])[np.searchsorted(self.rows, rows, side="right")]
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
-    """Return the `Even` samples of a log whose time stamps are to be rebuilt; None to keep them.
+    """Return the `Even` samples from which time stamps are to be rebuilt; None to keep the stamps.
 
     A host stamps samples when it receives them. Its delay varies, and it may receive several
-    samples at once.
-    Two ways lead to the step of the sensor:
+    samples at once. Two ways lead to the step of the sensor:
 
-    - The time stamps may still show the sensor's clock. Then lost samples differ from late ones.
+    - The spectrum of the time stamps may show the sensor's clock. Then lost samples are told from
+      late ones.
     - The time stamps may lie on a line over the row number. Then its slope is the step.
 
-    Time stamps of single rows stay as they are if they scatter by less than `SCATTER`, if the
-    angular rate shows that samples were taken at them, or if rows hold increments, whose intervals
-    may differ.
+    Time stamps are kept if the angular rate shows that samples were taken at them. If rows do not
+    come in bursts or packets, they are also kept if they scatter by less than `SCATTER` of a step,
+    or if rows hold increments, whose intervals may differ.
 
     Parameters
     ----------
@@ -76,8 +76,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     turn_rate : array, shape (3, n)
         Angular rate, in any unit.
     packets : tuple, optional
-        If rows come in packets that share a time stamp: the step between rows of a packet, s, and
-        whether the last row has the time of the stamp.
+        The result of `packet_step`, if rows come in packets that share a time stamp.
     rate : float, optional
         Declared rate, Hz.
     increments : bool
@@ -115,17 +114,20 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range of nine in ten values x, (n,), a median over `PARTS` parts."""
+    """Return the width of the range of nine in ten of the values x, (n,), as a float.
+
+    It is the median of the widths in `PARTS` consecutive parts.
+    """
     ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
     return np.median(np.ptp(ends, axis=1))
 
 
 def _line(rows, t):
-    """Return the slope of time over row number, s, and the distance of each time from the line, s.
+    """Return the slope of a line of time over row number, s, and the times less this line, s, (n,).
 
-    `rows` and `t` are number and time, s, of each row, (n,), and the distances are (n,), too. The
-    slope is first the median of pairs half a log apart (Theil). As stamps of transfers lie on
-    a few parallel lines, three rounds of least squares follow, with outliers clipped.
+    `rows` and `t` are number and time, s, of each row, (n,). The slope is first the median over
+    pairs of rows half a log apart (Theil). Because stamps of transfers lie on a few parallel lines,
+    three rounds of least squares with clipped outliers follow.
     """
     rows, half = rows - rows[0], len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
@@ -138,17 +140,17 @@ def _line(rows, t):
 
 
 def _by_clock(rows, t, packets):
-    """Return the `Even` samples by the sensor's clock; None if the stamps show no clock.
+    """Return the `Even` samples by the sensor's clock; None if the time stamps show no clock.
 
-    `rows` and `t` are number and time, s, of each row, or of the first row of each packet. If rows
-    come in packets, `packets` is their step, s, and whether the last row has the time of the stamp.
+    `rows` and `t` are number and time, s, of each row, or of the first row of each packet, (n,).
+    `packets` is the result of `packet_step`, None if rows do not come in packets.
 
     Returns
     -------
     samples : Even
         The samples, with the lost ones.
     width : float
-        Width of the scatter of the stamps about the clock, samples.
+        Width of the scatter of the time stamps about the clock, in steps of the sensor.
     beat : bool
         Whether samples are missing because a host polls faster than the sensor.
     """
@@ -175,10 +177,11 @@ def _by_clock(rows, t, packets):
 
 
 def _transfers(rows, t):
-    """Return the size of transfers in rows, and the first row and the time, s, of each, (k,).
+    """Return the number of rows in a transfer, and the first row and the time, s, of each, (k,).
 
-    A host receives all rows of a transfer at once. If the sizes differ, each row is a transfer of
-    size 1. `rows` and `t` are number and time, s, of each row, (n,).
+    A transfer has the rows that a host receives at once: a packet with one time stamp, or a burst.
+    If the transfers differ in size, each row counts as one. `rows` and `t` are number and time, s,
+    of each row, (n,).
     """
     apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
     # packets with a shared time stamp, else bursts
@@ -225,15 +228,16 @@ def _clock(t):
 
 
 def _phase(x):
-    """Return the running mean of the phase of times x, (n,), both in cycles; the result is (n,)."""
+    """Return the running mean of the phase of times, (n,); `x` are the times, (n,), both cycles."""
     wave = uniform_filter1d(np.exp(2j * np.pi * x), _PHASE)
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
 
 def _is_beat(samples):
-    """Tell whether samples, by number, are missing because a host polls faster than a sensor.
+    """Return whether samples are missing because a host polls faster than the sensor samples.
 
-    Their numbers are then evenly spaced by the beat of the two clocks, which is not a whole number.
+    `samples` has the number of the sample at each loss, (m,). If the host polls faster, these are
+    evenly spaced by the beat of the two clocks, which is not a whole number.
     """
     if len(samples) < ENOUGH:
         return False
@@ -245,11 +249,12 @@ def _is_beat(samples):
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def packet_step(rows, t, repeats):
-    """Return the step of rows that share a time stamp, s, and whether the last row has its time.
+    """Return the step between the rows of a packet, s, and whether the stamp is of its last row.
 
-    The result is None if such rows are not packets: the time stamps around them then have the usual
-    step. `rows` and `t` are number and time, s, of each row with a new time stamp. `repeats` is the
-    number of other rows.
+    A packet has the rows that share a time stamp. The stamp is the time of its last row, or else of
+    its first. The result is None if rows that share a stamp are not packets: if the steps between
+    stamps do not grow with the number of rows. `rows` and `t` are number and time, s, of each row
+    with a new time stamp, (n,). `repeats` is the number of all other rows.
     """
     if repeats < ENOUGH or len(t) < 3:
         return None
@@ -264,11 +269,12 @@ def packet_step(rows, t, repeats):
 
 
 def spread(x, readable, step, is_last):
-    """Return time stamps in which rows that share one are a `step` apart, in their unit.
+    """Return time stamps, (n,), in which the rows of a packet are a `step` apart.
 
-    `x` are the time stamps, (n,), and `readable` is the mask of those that are used. If `is_last`,
-    the last row of a packet keeps the shared time stamp, else the first row. No row is moved past
-    the time stamp before or the next one.
+    A packet has the rows that share a time stamp. `x` are the time stamps, (n,), in the unit of
+    `step`, and `readable` is the mask of those that are used, (n,). The last row of a packet keeps
+    the shared time stamp if `is_last`, else the first row. No row is moved past the neighbouring
+    time stamps.
     """
     logged = x[readable]
     starts = np.flatnonzero(np.append(True, logged[1:] != logged[:-1]))
@@ -283,7 +289,7 @@ def spread(x, readable, step, is_last):
 
 
 def rebuilt_line(rows):
-    """Return the line on time stamps of `Rows` that were rebuilt, or spread within packets."""
+    """Return the line for the user on time stamps of `Rows` that were rebuilt or spread."""
     why, even = "come in bursts, or scatter about a regular clock", rows.even
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"

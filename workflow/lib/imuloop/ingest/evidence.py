@@ -1,4 +1,4 @@
-"""What ingest knows about a log: its declaration, the log as read, its samples and figures."""
+"""The state of a log in ingest: its declaration, the log as read, its samples and figures."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from imuloop.ingest.spellings import SENSORS, UNITS
 
 @dataclass(frozen=True)
 class Declared:
-    """Keys of the config about a log; columns and units that are not declared are found in the log.
+    """The declarations about a log: keys of the config. What is not declared is found in the log.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Declared:
 
 @dataclass
 class Evidence:
-    """A log on its way through ingest, as the table of `checks` sees it.
+    """All that ingest knows about a log, the input of `checks`. Each step of ingest adds to it.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class Evidence:
     units : dict
         Unit of each quantity in the log.
     absent : str or None
-        Quantity of a sensor that the log lacks.
+        Quantity of the sensor that the log lacks.
     doubts : list of str
-        Lines on units that the log states otherwise.
+        Lines on declared units that differ from those that the log states.
     samples : dict
         Samples on one clock, SI: columns of shape (n,) by name.
     counts : Counts
@@ -113,7 +113,7 @@ class Evidence:
 
     @property
     def is_cut(self):
-        """Whether a part of a signal is missing, as an axis is dead, stuck or clipped."""
+        """Whether a part of a channel is wrong, because it is constant, stuck or clipped."""
         faults = [*self.faults["stuck"].values(), *self.faults["clipped_at"].values()]
         rows = [fault["rows"] for fault in faults] + [*self.figures["clipped"].values()]
         return any(rows) or any(name in CHANNELS for name in self.figures["constant"])

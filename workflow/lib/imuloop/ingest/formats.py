@@ -19,12 +19,12 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and the names and first bytes of its files.
 
-    `reader` names the module in ingest and the function of the reader, which is imported only when
-    a log is read. The function ``read(paths, columns) -> RawLog`` takes the path of each file by
-    its role, and the declared columns by quantity. It raises an ImuloopError if a declaration does
-    not fit, and a RejectedLog for a broken file. `endings` are the ends of file names, in lower
-    case. `starts` are the first bytes that show the format under any file name. `folder`
-    tells whether a folder may be read. `remedy` is advice to a user with a broken file.
+    `reader` is MODULE.FUNCTION in ingest; it is imported only when a log is read. The function
+    ``read(paths, columns) -> RawLog`` takes the path of each file by its role, and the declared
+    columns by quantity. It raises an ImuloopError if a declaration does not fit, and a RejectedLog
+    for a broken file. `endings` are the ends of file names, in lower case. `starts` are the first
+    bytes that show the format under any file name. `folder` tells whether a folder may be read.
+    `remedy` is advice to a user with a broken file.
     """
 
     reader: str
@@ -81,11 +81,12 @@ _NO_LOGS = {
 
 
 def find_format(name, paths):
-    """Return the name and the reader of the format `name`, or of the format that the files show.
+    """Return the name and the reader of the format of a log.
 
-    `paths` are the paths of the files by role. The reader is a function ``read(paths, columns=None)
-    -> RawLog``. Raises an ImuloopError if the name is unknown, or if the files show no format or do
-    not fit it, and a RejectedLog if a file is not a log of any format.
+    `name` is the declared name; if it is None, the format is guessed from the files. `paths` are
+    the paths of the files by role. The reader is a function that returns a RawLog:
+    ``read(paths, columns=None)``. Raises an ImuloopError if the name is unknown, or if the files
+    show no format or do not fit it, and a RejectedLog if a file is not a log of any format.
     """
     for path in paths.values():
         if cause := no_log(path):
@@ -105,10 +106,11 @@ def find_format(name, paths):
 
 
 def unused_readers(session, paths):
-    """Return the modules of the readers that cannot read any file of a session, a set of names.
+    """Return the modules of the readers that a session does not use, a set of names.
 
-    `session` is the resolved session of the config, and `paths` the path of each file by role. If
-    one of them does not show its format, any reader may be the right one.
+    The job of the session does not depend on the code of these. `session` is the session as
+    `config.resolve` returns it, and `paths` the path of each file by role. The set is empty if a
+    file does not show its format, because any reader may then be the right one.
     """
     declared = {"reference": (session["reference"] or {}).get("format"), "pps": "csv"}
     try:
@@ -124,7 +126,7 @@ def unused_readers(session, paths):
 
 
 def no_log(path):
-    """Return the reason if a file that begins like this is a log of no format, else None."""
+    """Return the reason if the first bytes show that a file is not a log, else None."""
     head = _head(path)
     return next((why for start, why in _NO_LOGS.items() if head.startswith(start)), None)
 

@@ -1,4 +1,4 @@
-"""Increments of velocity and angle are divided by their interval, which makes them rates."""
+"""Logs of increments of velocity and angle: they are divided by their intervals."""
 
 import numpy as np
 
@@ -29,11 +29,11 @@ def are_by_stamps(rows):
 # stamps and values of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def rates(rows):
-    """Return the channels of increments of `Rows` as rates in SI, and figures of their intervals.
+    """Return the channels of increments of `Rows` divided by their intervals, SI, and three masks.
 
-    The interval of a row is the one that is logged. If none is logged, it is the even step, or the
-    step of the time stamps that ends at the row. An increment covers one interval of the sensor,
-    however many rows are lost before it: after a gap its interval is the usual step.
+    The interval of a row is the logged one. If none is logged, it is the even step, or the step of
+    the time stamps that ends at the row. An increment covers one interval of the sensor, even if
+    rows before it are lost: after a gap its interval is the usual step.
 
     Returns
     -------

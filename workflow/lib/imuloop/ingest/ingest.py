@@ -35,10 +35,10 @@ _WITH_UNIT = ("time", *SENSORS)
 
 
 def ingest(*, device, session, kind, paths, samples_path, quality_path, declared=None):
-    """Write samples.parquet and quality.json of one session, each in one step.
+    """Write samples.parquet and quality.json of one session from its log.
 
-    A fault in the data is a result: `status` is then ``rejected``, with the reasons, and the table
-    of samples has no rows.
+    A fault in the data is a result: quality.json then has the status ``rejected`` and the reasons,
+    and samples.parquet has no rows. Each file appears at once, complete.
 
     Parameters
     ----------
@@ -74,10 +74,11 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 
 
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
-    """Write samples without rows, and a quality with the `reason` why the declaration does not fit.
+    """Write the samples, without rows, and the quality of a session that is rejected.
 
-    `device`, `session` and `kind` are the names of the device and the session, and the kind of the
-    session. `samples_path` and `quality_path` are the paths of the results.
+    `reason` says why its declaration does not fit. `device`, `session` and `kind` are the names of
+    the device and the session, and the kind of the session. `samples_path` and `quality_path` are
+    the paths of the results.
     """
     evidence = Evidence(samples=no_samples(RawLog()), counts=Counts(reasons=[reason]))
     samples, content, origin = check(evidence)
@@ -86,11 +87,11 @@ def write_rejected(*, device, session, kind, samples_path, quality_path, reason)
 
 
 def read(paths, declared, kind=None):
-    """Return the `Evidence` of a log as it is read, without samples.
+    """Return the `Evidence` on a log after it is read, still without samples.
 
-    `paths` are in the order of the sources of `declared`, the Declared of the log, and `kind` is
-    the kind of the session. Raises an ImuloopError if a file does not exist, or if a declaration
-    does not fit.
+    `paths` are the files in the order of the sources of `declared`, the Declared of the log, and
+    `kind` is the kind of the session. Raises an ImuloopError if a file does not exist, or if a
+    declaration does not fit.
     """
     for path in paths:
         if any("\ud800" <= c <= "\udfff" for c in str(path)):
@@ -113,9 +114,10 @@ def read(paths, declared, kind=None):
 
 
 def choose_units(log, declared):
-    """Return the unit of each quantity, a dict, and lines on units that the log states otherwise.
+    """Return the unit of each quantity of a RawLog, a dict, and lines on contradictions, a list.
 
-    `declared` are the units of the config by quantity. Raises an ImuloopError for an unknown unit.
+    `declared` are the declared units by quantity; they come before those that the log states. A
+    line says that they differ. Raises an ImuloopError for an unknown unit.
     """
     stamps = log.names.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
@@ -142,9 +144,10 @@ def choose_units(log, declared):
 
 
 def convert(evidence):
-    """Set the samples and the counts of an `Evidence`: the samples on one clock, spikes included.
+    """Set the samples and the counts of an `Evidence`, in place.
 
-    A log that cannot be used has no samples; its `Counts` have the reasons.
+    The samples are in SI on one clock; spikes are still in them. A log that cannot be used has no
+    samples; its `Counts` have the reasons.
     """
     log, counts = evidence.log, evidence.counts
     evidence.samples, counts.read = no_samples(log), log.batch.num_rows
@@ -166,9 +169,10 @@ def convert(evidence):
 
 
 def check(evidence):
-    """Return the samples of an `Evidence`, the content of quality.json, and the samples' origin.
+    """Return the samples of an `Evidence` without spikes, the content of quality.json, the origin.
 
-    The samples are columns by name, without rows if the log is rejected; the others are dicts.
+    The samples are columns by name, without rows if the log is rejected. The origin is the metadata
+    of the samples, a dict (`_origin`).
     """
     log, counts, declared = evidence.log, evidence.counts, evidence.declared
     gaps = quality.time_figures(evidence.samples[TIME])["gaps"]
@@ -218,7 +222,7 @@ def check(evidence):
 
 
 def _origin(evidence):
-    """Return the origin of samples, a dict: their files, units, declarations and start."""
+    """Return the metadata of the samples of an `Evidence`, a dict: files, units and so on."""
     declared, counts = evidence.declared, evidence.counts
     # a folder stands for the files in it
     folders = [sorted(p.iterdir()) if p.is_dir() else [p] for p in evidence.files.values()]
@@ -248,9 +252,9 @@ def _origin(evidence):
 def _write(samples_path, quality_path, samples, content, origin, who):
     """Write samples.parquet and quality.json.
 
-    `samples`, `content` and `origin` are results of `check`; `who` are the device, the session and
-    its kind. Channels are written with a dictionary, as they have few different values; times are
-    not.
+    `samples`, `content` and `origin` are the results of `check`. `who` has the names of the device
+    and the session, and its kind. Channels are written with a dictionary, because they have few
+    different values; times are not.
     """
     origin = who | origin
     of_levels = [name for name in samples if name in (*CHANNELS, TEMPERATURE)]

@@ -1,4 +1,4 @@
-"""A test of whether samples were taken at their time stamps, if these have jitter."""
+"""A test of whether samples were taken at their uneven time stamps, or evenly and stamped late."""
 
 import numpy as np
 
@@ -11,9 +11,10 @@ SURE = 4.0
 def jitter_sign(t, w, step, grid=0.0):
     r"""Return 1 if samples were taken at their time stamps, -1 at even steps, 0 if neither is sure.
 
-    If the samples were taken at time stamps with jitter, the angular rate shows the jitter whenever
-    the device turns: a late sample has moved on along the slope of the rate. With the time t, the
-    angular rate w of an axis, the step T and the jitter :math:`e_k = t_k - k T` of sample k,
+    If samples were taken at time stamps with jitter, the angular rate shows the jitter while the
+    device turns: a sample that was taken late is farther along the slope of the rate. With the time
+    stamp t, the angular rate w of an axis, the step T and the jitter :math:`e_k = t_k - k T` of
+    sample k, the ratio
 
     .. math:: \beta = \frac{\sum (w_k - (w_{k-1} + w_{k+1})/2)\,d_k s'_k}{\sum d_k^2 s_k s'_k},
         \quad d_k = e_k - (e_{k-1} + e_{k+1})/2

@@ -1,4 +1,4 @@
-"""Logs with different clocks, joined onto one clock."""
+"""Several logs of one recording, each with its own clock, joined to one log."""
 
 import numpy as np
 import pandas as pd
@@ -18,14 +18,15 @@ SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 
 
 def join(logs):
-    """Return one RawLog of several logs, which hold the sensors and the temperature.
+    """Return one RawLog that joins several logs of one recording.
 
     `logs` are RawLogs by name; each holds both sensors, one sensor or a temperature. The rows of
     the result are the samples of the faster sensor, or of the gyroscope if both are equally fast.
     Each row also holds the nearest sample of the slower sensor, so that mean and variance of this
-    sensor do not change; a row with no sample within half of `gap_limit` holds not-a-number. The
-    column `HELD` has the time stamps of the held samples. The temperature comes from the log with
-    the rows; if this has none, the temperature of another log is interpolated linearly.
+    sensor do not change. It holds not-a-number if this sample is farther away than half of
+    `gap_limit`. The column `HELD` has the time stamps of the samples of the slower sensor. The
+    temperature comes from the log with the rows; if this has none, the temperature of another log
+    is interpolated linearly.
 
     Raises
     ------
@@ -103,9 +104,10 @@ def _rows(log):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _faster(stamps):
-    """Return the name of the log with the fastest clock; the last one, if they are equally fast.
+    """Return the name of the log with the shortest step between time stamps.
 
-    `stamps` are the time stamps of each log by name, (n,). The log of the gyroscope is the last.
+    It is the last one, if the steps are equal within `RATE_SHARE`. `stamps` has the time stamps of
+    each log by name, (n,); the log of the gyroscope is the last.
     """
     steps = {}
     for name, x in stamps.items():
@@ -118,13 +120,14 @@ def _faster(stamps):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _onto(names, stamps, values, tick, quantity):
-    """Bring the values of a log, (k, n), to the m time stamps of another log, the clock.
+    """Return the values of a log at the m time stamps of another log, the clock.
 
-    `names` are the names of the clock and of the log. `stamps` are the time stamps by name, in
-    units of `tick` ns. Rows that miss a value, repeat a stamp or come late are left out. A value
-    belongs to the nearest sample, and is not-a-number if this is farther than half of `gap_limit`;
-    a temperature is interpolated linearly there. A RejectedLog is raised if a clock starts again,
-    or the two clocks share no time.
+    `names` are the names of the clock and of the log, `stamps` the time stamps of both by name, in
+    units of `tick` ns, and `values` are k columns of the log, (k, n), of the quantity `quantity`.
+    Rows of the log that miss a value, repeat a stamp or come late are left out. The result
+    has the values of the nearest sample of the log; a temperature is interpolated linearly. It is
+    not-a-number if the nearest sample is farther away than half of `gap_limit`. A RejectedLog is
+    raised if a clock starts again, or if the two clocks share no time.
 
     Returns
     -------

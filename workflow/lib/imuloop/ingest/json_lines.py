@@ -38,14 +38,14 @@ def read(paths, columns=None):
 
 
 def holds_log(path):
-    """Tell whether a JSON file looks like a log, not a result: JSON lines, or a list of objects."""
+    """Return whether a JSON file looks like a log: JSON lines or a list of objects, no result."""
     with open(path, "rb") as file:
         head = file.read(LONGEST_LINE)
     return are_objects(head) or (head.lstrip().startswith(b"[") and b"{" in head)
 
 
 def are_objects(head):
-    """Tell whether the first two lines in `head`, the first bytes of a file, are JSON objects."""
+    """Return whether the first two lines in `head`, the first bytes of a file, are JSON objects."""
     first = [line for line in head.splitlines() if line.strip()][:2]
     return len(first) == 2 and all(map(_members, first))
 

@@ -22,9 +22,9 @@ _REPEATED = 0.25
 
 
 def _compare(one, other):
-    """Return the lengths of two sets of vectors and the cosines of the angles between them.
+    """Return the lengths of n vectors `one` and of n vectors `other`, and the cosines between them.
 
-    Both sets are (3, n); each of the three results is (n,).
+    Both sets have the shape (3, n), and each of the three results has the shape (n,).
     """
     length, other_length = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
     return length, other_length, (one * other).sum(axis=0) / (length * other_length)
@@ -33,7 +33,7 @@ def _compare(one, other):
 # values of a broken log can be of any size
 @np.errstate(all="ignore")
 def is_gravity(raw):
-    """Return whether the angular rate of most rows is the vector of gravity.
+    """Return whether the columns of the angular rate hold the vector of gravity in most rows.
 
     `raw` are the values of each channel as logged, (n,) by name.
     """
@@ -46,11 +46,11 @@ def is_gravity(raw):
 
 @np.errstate(all="ignore")
 def in_two_units(x, raw):
-    """Return the sensor with rows that repeat the row before in another unit, or None if few do.
+    """Return the sensor whose samples are logged twice, in two units; None if few samples are.
 
-    The result is a dict of the ``sensor``, the two units, ``unit`` and ``other``, and the number
-    ``n`` of such rows. They have the time stamp of the row before and the same vector in another
-    unit. `x` are the time stamps, (n,), and `raw` the channels as logged, (n,) by name.
+    Then a row has the time stamp of the row before and the same vector in another unit. The result
+    is a dict: ``sensor``, the units ``unit`` and ``other``, and the number ``n`` of such rows. `x`
+    are the time stamps, (n,), and `raw` the channels as logged, (n,) by name.
     """
     repeats = np.flatnonzero(x[1:] == x[:-1]) + 1
     for (sensor, axes), units in zip(SENSORS.items(), FACTORS.values(), strict=True):

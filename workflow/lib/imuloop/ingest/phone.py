@@ -125,10 +125,10 @@ def _usual(quantity, tables, logger):
 
 
 def _with_pauses(log, clock):
-    """Return a RawLog with stamps that go on during pauses, in which phyphox stops its clock.
+    """Return a RawLog whose time stamps include the pauses, in which phyphox stops its clock.
 
-    `clock` is phyphox's table of events, bytes: a name, seconds of the experiment, and seconds
-    since 1970.
+    `clock` is phyphox's table of events, bytes, with three columns: the name of the event, seconds
+    of the experiment, and seconds since 1970.
     """
     events = [[x.replace(b",", b".") for x in row[1:]] for row in _STARTS.findall(clock)]
     starts = np.array(events, dtype=float).reshape(-1, 2)

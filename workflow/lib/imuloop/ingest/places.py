@@ -1,4 +1,4 @@
-"""Names of the keys of a log in messages: as keys of a config, options, or Python arguments.
+"""Names of declarations in messages: as keys of a config, options, or Python arguments.
 
 Code writes a key by its path in the config, with a value where there is one: ``columns.time``,
 ``units.acceleration: g``, ``rate in Hz``. `for_reader` turns that into ``--columns.time`` on the
@@ -39,9 +39,9 @@ _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 
 @contextmanager
 def read_in(place):
-    """Use the names of a place, `COMMAND_LINE` or `PYTHON`, in messages of the block.
+    """Use the names of a place in the messages that the code of a ``with`` block makes.
 
-    In nested blocks the outermost place counts.
+    `place` is `COMMAND_LINE` or `PYTHON`. In nested blocks the outermost place counts.
     """
     token = _place.set(place if _place.get() == CONFIG else _place.get())
     try:
@@ -51,7 +51,7 @@ def read_in(place):
 
 
 def in_config():
-    """Return whether messages are about a config."""
+    """Return whether messages use the keys of a config, that is, outside of `read_in`."""
     return _place.get() == CONFIG
 
 

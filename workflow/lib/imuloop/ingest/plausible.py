@@ -2,10 +2,10 @@
 
 Gravity checks both sensors without a calibration: its size is the specific force at rest, and its
 direction turns in the axes of the device as the gyroscope shows. So each sensor has a `Ratio` of
-its reading to gravity, which is 1 in a good log. No real sensor is off by a half. A ratio that
-differs from 1 is compared with the factors of all other `readings` of the log: another unit,
-another full scale, and increments of velocity and angle. The nearest factor within the error of the
-ratio is the cause.
+its output to gravity, which is 1 in a good log. No real sensor is off by a half. A ratio that
+differs from 1 is compared with the factors of all other ways to read the log (`readings`): in
+another unit, with another full scale, or as increments of velocity and angle. The nearest factor
+within the error of the ratio is the cause.
 
 Each function takes the `Evidence` e on a log, and returns a false value if all is well.
 """
@@ -33,12 +33,12 @@ FULL_SCALES = (2, 4, 8, 16, 1 / 2, 1 / 4, 1 / 8, 1 / 16)
 
 @dataclass(frozen=True)
 class Ratio:
-    """The ratio of a sensor's reading to gravity.
+    """The ratio of a sensor's output to gravity, which is 1 in a good log.
 
-    The ratio of the reading to gravity has a `value`, a relative `error`, and `words`. It is the
-    specific force over gravity's magnitude, or the turns by the angular rate over the turns of
-    gravity's direction. The sensor is off if the value differs from 1 by more than the factor
-    `most`.
+    For the accelerometer it is the specific force over the magnitude of gravity. For the gyroscope
+    it is the turns by the angular rate over the turns of gravity's direction. It has a `value`, a
+    relative `error`, and `words` for a message. The sensor is off if the value differs from 1 by
+    more than the factor `most`.
     """
 
     value: float
@@ -48,13 +48,14 @@ class Ratio:
 
     @property
     def is_off(self):
-        """Whether the ratio differs from 1."""
+        """Whether the ratio differs from 1 by more than the factor `most`."""
         return np.isfinite(self.value) and not 1 / self.most <= self.value <= self.most
 
     def nearest(self, factors, error=None):
-        """Return the words of the nearest reading if it is within the relative error, else None.
+        """Return the words of the factor nearest to the ratio, or None if it is not near enough.
 
-        `factors` are readings, a list of (factor, words). `error` replaces the error of the ratio.
+        `factors` is a list of (factor, words), such as the result of `readings`. A factor is near
+        enough within the relative `error`, by default the error of the ratio.
         """
         distances = [(abs(np.log(self.value / factor)), words) for factor, words in factors]
         distance, words = min(distances)
@@ -91,9 +92,9 @@ RATIOS = {"acceleration": force_ratio, "angular_rate": turn_ratio}
 
 
 def readings(e, quantity):
-    """Return the factors by which wrong readings are off, a list of (factor, words).
+    """Return the factors by which a sensor is off if it is read wrongly, a list of (factor, words).
 
-    A wrong reading takes the `quantity` in another unit, or at another full scale.
+    It is read wrongly if its `quantity` is taken in another unit or at another full scale.
     """
     unit = e.raw_units[quantity]
     scale, where = unit.scale, f"units.{quantity}"
@@ -111,7 +112,10 @@ def readings(e, quantity):
 
 
 def steps(e, quantity):
-    """Return the factors by which increments are off, a list of (factor, declaration)."""
+    """Return the factors by which a sensor is off if it logs increments that are taken as rates.
+
+    The result is a list of (factor, right declaration), one for each unit of an increment.
+    """
     unit, is_count = e.raw_units[quantity], e.raw_units[quantity].name == "count"
     words = f"nominal.{quantity}.scale: {{1:.6g}}" if is_count else f"units.{quantity}: {{0}}"
     rates = {name: si * e.figures["rate_hz"] for name, si in INCREMENTS[quantity].items()}
@@ -120,9 +124,10 @@ def steps(e, quantity):
 
 
 def increments(e):
-    """Return values for a message if both sensors look like increments, taken as rates.
+    """Return values for a message if both sensors look like increments that are taken as rates.
 
-    Wrong units may look the same, as mm/s and mrad over 1 ms do: then the units are the cause.
+    Wrong units may look the same, as mm/s and mrad over 1 ms do. Then the units are the cause, and
+    the result is None.
     """
     force, turns = (ratio(e) for ratio in RATIOS.values())
     if not (force and force.is_off and turns and turns.error <= MOST_ERROR):
@@ -140,7 +145,10 @@ def increments(e):
 
 
 def cause(e, quantity):
-    """Return words on the unit, full scale or counts that explain a sensor that is off."""
+    """Return words on the wrong unit, full scale or scale of counts if the sensor is off.
+
+    The result is None if it is not off, or if none of these explains it.
+    """
     ratio, unit = RATIOS[quantity](e), e.raw_units[quantity]
     if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):
         return None
@@ -154,7 +162,7 @@ def cause(e, quantity):
 
 
 def size_of_force(e):
-    """Return words on a specific force that is off."""
+    """Return words on the specific force if it is off."""
     ratio = force_ratio(e)
     return ratio and ratio.is_off and ratio.words
 
@@ -167,6 +175,6 @@ def changed_force(e):
 
 
 def scale_of_rate(e):
-    """Return words on an angular rate that is off."""
+    """Return words on the angular rate if it is off."""
     ratio = turn_ratio(e)
     return ratio and ratio.is_off and not e.is_cut and ratio.words

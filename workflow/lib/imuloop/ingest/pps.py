@@ -98,9 +98,9 @@ def find_timeline(rows, path=None):
 
 
 def _align(counters, rows):
-    """Return the counters of n marks, (n,), without roll-overs, on the counter of a log's `Rows`.
+    """Return the counters of n marks without roll-overs, (n,), on the mended counter of `Rows`.
 
-    Roll-overs are mended as in the log.
+    `counters` are the counters as logged, (n,). Their roll-overs are mended as in the log.
     """
     clock, x = Clock(), rows.x[rows.usable]
     counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
@@ -113,13 +113,13 @@ def _align(counters, rows):
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _fit_timeline(counters, times, dated, rows):
-    """Return the Timeline through the marks that can be used.
+    """Return the Timeline through the usable ones of n marks.
 
     A mark is rejected if its time is not a whole second, or if it is more than `MOST_OFF` s away
-    from the line through its neighbours. Only the longest stretch is used in which the rate of the
-    local clock is off by at most `MOST_OFF`. `counters` are the counters of the marks without
-    roll-overs, (n,). `times` are their GNSS times, (n,), in ns since 1970 if `dated`, else in s.
-    `rows` are the `Rows` of the log. Raises a RejectedLog if no two marks fit together, or marks
+    from the line through its neighbours. The longest series of the others is used in which the
+    rate of the local clock is off by at most `MOST_OFF`. `counters` are the counters of the marks
+    without roll-overs, (n,). `times` are their GNSS times, (n,), ns since 1970 if `dated`, else s.
+    `rows` are the `Rows` of the log. Raises a RejectedLog if no two marks fit together, or if marks
     and log share no time.
     """
     count, seconds = len(counters), times * (1e-9 if dated else 1.0)
@@ -155,7 +155,10 @@ def _fit_timeline(counters, times, dated, rows):
 
 
 def warnings(figures):
-    """Return the line on a clock by marks, a list, empty if their `figures` are None."""
+    """Return the line for the user on a clock by marks, in a list.
+
+    `figures` is the result of `Timeline.figures_beside`; the list is empty if it is None.
+    """
     if not figures:
         return []
     line = (

@@ -26,8 +26,9 @@ CLIPPED_SHARE = 0.98
 def measure(columns, raw_units, full_scale, absent=None):
     """Return the quality figures of samples, a dict as in quality.json.
 
-    The figures of a sensor with a slower clock use the rows with its new samples. A figure is None
-    if the rows do not show it; ``faults`` are empty if no sensor has such a rate.
+    Rows repeat the samples of a sensor with a slower clock; its figures use each sample once. A
+    figure is None if the rows do not show it. ``faults`` is empty if the rate is not within
+    `PLAUSIBLE_RATE`.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def measure(columns, raw_units, full_scale, absent=None):
 # times of a damaged file can be of any size
 @np.errstate(all="ignore")
 def time_figures(t):
-    """Return the figures of the steps of times t, s, (n,), a dict as in quality.json."""
+    """Return the figures of times t, s, (n,), a dict as in quality.json: rate, jitter and gaps."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     jitter = {"std_s": None, "max_s": None}
     figures = {"rows": len(t), "duration_s": 0.0, "rate_hz": None, "jitter": jitter, "gaps": gaps}
@@ -89,7 +90,10 @@ def time_figures(t):
 
 
 def _limits(full_scale):
-    """Return the size from which a sample is clipped, SI, by channel with a full scale."""
+    """Return the magnitude from which on a sample is clipped, SI, a dict by channel.
+
+    `full_scale` is the full scale by quantity, SI; channels without one are left out.
+    """
     return {n: CLIPPED_SHARE * limit for q, limit in full_scale.items() for n in SENSORS[q]}
 
 
@@ -100,13 +104,13 @@ def _mean_size(columns, axes):
 
 
 def _range(x):
-    """Return the least and the largest value of a channel, None if it has no value."""
+    """Return the least and the largest value of a channel x, (n,), a list; None without a value."""
     ends = [float(np.fmin.reduce(x)), float(np.fmax.reduce(x))] if len(x) else [np.nan]
     return ends if np.isfinite(ends).all() else None
 
 
 def _faults(columns, raw_units, absent, figures):
-    """Return the figures ``faults`` of samples, a dict.
+    """Return the entry ``faults`` of quality.json, a dict: the faults of the values of samples.
 
     `figures` are the other quality figures; the other arguments are as in `measure`.
     """
@@ -152,11 +156,12 @@ def _faults(columns, raw_units, absent, figures):
 
 
 def rails(figures, full_scale):
-    """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
+    """Return the ends of the range at which channels are clipped, SI, {channel: [low, high]}.
 
-    The true value of a sample at an end lies at the end or beyond. If clipped samples reach the
-    declared `full_scale`, both ends are at its share `CLIPPED_SHARE`. Otherwise they are the
-    saturated ends in the `figures`, with None for an end that is not saturated.
+    The true value of a sample at an end lies at the end or beyond. If samples of a channel reach
+    the declared `full_scale`, both ends are at its share `CLIPPED_SHARE`. Otherwise they are the
+    saturated ends in the quality `figures`, with None for an end that is not saturated. Channels
+    that are not clipped are left out.
     """
     ends, limits = {}, _limits(full_scale)
     saturated = figures["faults"].get("clipped_at", {})
@@ -169,6 +174,9 @@ def rails(figures, full_scale):
 
 
 def stuck(figures):
-    """Return the time spans in which a channel is stuck, a list of [first, last], s."""
+    """Return the time spans in which a channel is stuck, a list of [first, last], s.
+
+    `figures` are the quality figures.
+    """
     channels = figures["faults"].get("stuck", {}).values()
     return sorted(span for channel in channels for span in channel["spans_s"])

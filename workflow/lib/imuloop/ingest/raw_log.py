@@ -15,15 +15,18 @@ class RawLog:
 
     `batch` has the rows. Its columns are `stamp` (int64, float64 or timestamp[ns]; absent without a
     time column), `ax ay az gx gy gz` (float64, raw units; a log of one sensor has only its axes),
-    and `temperature` if it is logged (float64, raw unit). `names` has the names of the columns of
-    each quantity, and `units` the units that the file states. `nominal` has the scale of the counts
-    of each sensor, as in the config, if the file states it. `simulated` tells whether the log is
-    simulated. `columns` lists all columns, text, and `unread` is the number of columns that are not
-    read. `notes` are lines on how the file was read. `bad_lines` is the number of lines that cannot
-    be read, and `lost_bytes` the number of bytes in them. `text_bytes` is the number of bytes in
-    all lines, without blanks and unwritten memory. If two sensors have different clocks, `slower`
-    is the sensor whose samples are put into the rows of the other; the column `held` has its
-    stamps. `sensor_ids` has the device id and the slot of each sensor in an autopilot.
+    and `temperature` if it is logged (float64, raw unit). The other fields are
+
+    - `names`, `units`: names of the columns of each quantity, and units that the file states;
+    - `nominal`: scale of the counts of each sensor, as in the config, if the file states it;
+    - `simulated`: whether the log is simulated;
+    - `notes`: lines on how the file was read;
+    - `bad_lines`, `lost_bytes`: number of lines that cannot be read, and of the bytes in them;
+    - `text_bytes`: number of bytes in all lines, but for blanks and unwritten memory;
+    - `slower`: if two sensors have different clocks, the sensor whose samples are put into the rows
+      of the other one; the column `held` has their time stamps;
+    - `columns`, `unread`: a text that lists all columns, and the number of columns not read;
+    - `sensor_ids`: device id and slot of each sensor in an autopilot.
     """
 
     batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))
@@ -46,7 +49,7 @@ class RawLog:
         return TEMPERATURE in self.names
 
     def lose(self, count):
-        """Add the bad lines and the bytes of `count`, a RawLog that counts a part of the log."""
+        """Add the bad lines and bytes that another RawLog, `count`, has counted in this log."""
         self.bad_lines += count.bad_lines
         self.lost_bytes += count.lost_bytes
         self.text_bytes += count.text_bytes

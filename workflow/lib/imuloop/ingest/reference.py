@@ -24,11 +24,12 @@ SWAPPED, BLOCK = 0.2, 2.0
 
 
 def beside(samples, files, declared, session, counts):
-    """Return a reference at the instants of the samples, its figures, and reasons against its use.
+    """Return a reference at the times of n samples, its figures, and reasons against its use.
 
     The first result has the columns `ORIENTATION` (body to world) and `POSITION`, (n,) each, a dict
-    by name. They are not-a-number where the reference was lost. The dict is empty if there are
-    reasons, a list of str, why the reference cannot be used.
+    by name. They are not-a-number where the reference was lost. The second is the entry
+    ``reference`` of quality.json. The third is a list of reasons why the reference cannot be used;
+    if there are any, the first result is empty.
 
     Parameters
     ----------
@@ -40,8 +41,8 @@ def beside(samples, files, declared, session, counts):
         Keys of the config about the reference and about the log: ``format``, ``columns``,
         ``units``, ``convention``, ``rate``.
     counts : Counts
-        Counts of the log, for the time of the first sample, ``start_ns`` (if stamps are dates) and
-        ``begin_s``, and for the first stamp, ``origin``.
+        Counts of the log, which have the time of the first sample, ``start_ns`` and ``begin_s``,
+        and the first time stamp, ``origin``.
     """
     t = samples[TIME]
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
@@ -86,11 +87,10 @@ def read_series(path, log_format, columns):
 
 
 def _read(files, declared, session, counts):
-    """Return the Reference as it is in its file, with times from the first sample, and figures.
+    """Return the Reference in its file, with times from the first sample of the log, and figures.
 
-    `files` are the paths by role. `declared` and `session` are the keys of the config about the
-    reference and about the log, and `counts` are the Counts of the log. Raises an ImuloopError for
-    a declaration that does not fit.
+    The figures are numbers of rows, of lost attitudes and of rows out of order, a dict. The
+    arguments are as in `beside`. Raises an ImuloopError for a declaration that does not fit.
     """
     path, units = files.get("reference", files.get("log")), declared.get("units") or {}
     in_log = str(path) == str(files.get("log"))
@@ -162,12 +162,14 @@ def _on_clock(reference, t, w):
 
 
 def _without_swaps(reference, t, w, frame):
-    """Return the Reference without swaps of markers, and figures on them.
+    """Return the Reference without attitudes in which one marker is taken for another, and counts.
 
     Let q be the attitude of the reference and G the attitude by the gyroscope. Then q Gᵀ drifts
-    slowly. While one marker is taken for another, q Gᵀ is off its running median over `BLOCK` s.
-    `t` are the times of the samples, s, (n,), `w` their angular rates, rad/s, (n, 3), and `frame`
-    rotates from the axes of the sensor to the axes of the reference.
+    slowly. While markers are swapped, q Gᵀ is off its running median over `BLOCK` s by more than
+    `SWAPPED`. Such attitudes and places become not-a-number. The counts are ``swaps`` and
+    ``swapped``, the number of attitudes, a dict. `t` are the times of the samples, s, (n,), `w`
+    their angular rates, rad/s, (n, 3), and `frame` rotates from the axes of the sensor to the axes
+    of the reference.
     """
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
@@ -189,9 +191,10 @@ def _without_swaps(reference, t, w, frame):
 
 
 def _noise(reference):
-    """Return the standard deviation of white noise of attitude, rad, and of place, m or None.
+    """Return the standard deviations of the white noise of a Reference, a dict.
 
-    The result is a dict.
+    The key ``orientation`` is for the attitude, rad, and ``position`` for the place, m; it is None
+    if there are too few places.
     """
     t, has_attitude, has_place = reference.t, reference.has_attitude, reference.has_place
     attitude = Rotation.from_quat(reference.q[has_attitude], scalar_first=True)
@@ -205,9 +208,10 @@ def _noise(reference):
 def _white_noise(t, change):
     """Return the standard deviation σ of white noise, None if there are too few samples.
 
-    `t` are the times of samples, s, (n,), and `change` is the change from each to the next one,
-    (n - 1, 3). White noise gives third differences the variance 20 σ²; motion is smooth over three
-    steps and adds little. Third differences are used if their samples are evenly spaced.
+    `t` are the times of n values, s, (n,), and `change` is the change from each value to the next
+    one, (n - 1, 3), in the unit of σ. White noise gives third differences of the values the
+    variance 20 σ²; motion is smooth over three steps and adds little. Only third differences of
+    evenly spaced values are used.
     """
     steps = np.diff(t)
     if len(steps) < 3:

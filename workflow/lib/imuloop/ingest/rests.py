@@ -1,9 +1,9 @@
-"""The rests of a log: specific force and attitudes while the device is still, and moves between.
+"""The rests of a log and the moves between them, for the checks of its units.
 
 A *window* is half a second. A *stop* is a few neighbouring windows that are quiet and have one
-attitude. A *move* lies between two stops. It turns gravity in the axes of the device from the
+attitude. A *move* lies between two stops. It turns gravity on the axes of the device from the
 direction u₁ at the first stop to u₂ at the second one. With the angular rate r as logged, its bias
-b and its scale k, which is 1 in a good log,
+b and its scale k, which is 1 in a good log, the product over the steps dt of the move is
 
     u₂ = ∏ exp(-[(r - b) dt / k]×) u₁.
 
@@ -36,10 +36,10 @@ NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
 
 
 def measure_turns(x, t):
-    """Return the figures `axes` and `rests` in quality.schema.yaml.
+    """Return the entries ``axes`` and ``rests`` of quality.json, a dict or None each.
 
-    The first is about the axes of the sensors, the second about the stops. `x` are the channels,
-    (n,) by name, and `t` are the times of the rows, s, (n,).
+    They are the results of `fit_axes` and of `measure_rests`. `x` are the channels,
+    SI, (n,) by name, and `t` are the times of the rows, s, (n,).
     """
     steps = np.diff(t)
     # in a longer gap the device may be turned; shorter ones make the rate less than the usual step
@@ -54,12 +54,12 @@ def measure_turns(x, t):
 
 
 def angle_between(u, v):
-    """Return the angle between unit vectors, (3,) or (3, n), rad."""
+    """Return the angles between unit vectors u and v, (3,) or (3, n) each, rad, a float or (n,)."""
     return np.arccos(np.clip((u * v).sum(axis=0), -1.0, 1.0))
 
 
 def measure_rests(means, step, guess=None):
-    """Return the figures of the stops, `rests` in quality.schema.yaml; None if there is no stop.
+    """Return figures of the stops, the entry ``rests`` of quality.json; None if there is no stop.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def measure_rests(means, step, guess=None):
         Specific force, m/s^2, and angular rate, rad/s, as means over `step` s; not-a-number at a
         gap.
     guess : float, optional
-        Scale of the angular rate, estimated from turns inside moves.
+        First estimate of the scale k of the angular rate, by `fit_axes`.
     """
     fine = max(round(WINDOW / step), 4)
     count = means.shape[1] // fine
@@ -108,15 +108,15 @@ def measure_rests(means, step, guess=None):
 
 
 def turn_ratio(moves, scales):
-    """Return the ratio of turns by the angular rate to turns of gravity over moves.
+    """Return the scale of the angular rate by moves: turns by it over turns of gravity.
 
     Parameters
     ----------
     moves : list of tuple
-        Directions of gravity before and after the move, (3,), and the rotation vectors between
-        them, rad, (n, 3).
+        For each move, the directions of gravity before and after it, (3,) each, and the rotation
+        vectors of the n steps between, rad, (n, 3).
     scales : array_like, shape (s,)
-        Scales that are tried.
+        Scales that are tried for each move.
 
     Returns
     -------
@@ -136,11 +136,12 @@ def turn_ratio(moves, scales):
 
 
 def _scale(before, after, steps, scales):
-    """Return the scale with which a move turns gravity from `before` to `after`, or None.
+    """Return the scale k with which a move turns gravity from `before` to `after`, or None.
 
-    `before` and `after` are directions of gravity, (3,). `steps` are the rotation vectors between
-    them, rad, (n, 3). `scales` are the scales that are tried, (s,). The result is None if the best
-    of these is the first or last one, or leaves more than `MOST_LEFT` of the turn.
+    `before` and `after` are directions of gravity, (3,). `steps` are the rotation vectors of the n
+    steps of the move, rad, (n, 3); they are divided by k. `scales` are the k that are tried, (s,);
+    the result is interpolated between them. It is None if the best of them is the first or the
+    last, or leaves an error of more than `MOST_LEFT` of the turn.
     """
     turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
     rest = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
@@ -156,11 +157,12 @@ def _scale(before, after, steps, scales):
 
 
 def _changes(rate, turning):
-    """Return the squared change of the mean rate from window to window, and its noise, (2, n).
+    """Return the squared change of the mean rate between windows, and its part by noise, (2, n).
 
-    `rate` are the k means within each window, (3, n + 1, k), and `turning` their means, (3, n + 1).
-    White noise of variance v gives the mean of k values the variance v / k, and a difference of two
-    such means twice that. v is half the mean square of the difference of neighbouring values.
+    `rate` has k values of the three axes in each of n + 1 windows, (3, n + 1, k), and `turning`
+    their means, (3, n + 1). White noise of variance v gives the mean of k values the variance v/k,
+    and the difference of two such means twice that. v is half the mean square of the differences
+    between neighbouring values.
     """
     white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
     return np.array([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])

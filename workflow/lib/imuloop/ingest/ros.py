@@ -52,10 +52,10 @@ def read(paths, columns=None):
 
 
 def _link(path, target):
-    """Make a link to the bag at `path`, with which the library can open it; return its path.
+    """Make a link to the bag at `path` under a name that the library can open; return its path.
 
-    The link is at `target`; its ending, by the first bytes of the bag, shows the kind of the bag.
-    The library turns a path into an address, in which some names would have to be quoted.
+    The path of the link is `target` with the ending that the first bytes of the bag show. The
+    library turns a path into an address, in which some names would have to be quoted.
     """
     if path.is_file():
         with open(path, "rb") as file:
@@ -67,9 +67,9 @@ def _link(path, target):
 
 
 def _gather(bag, topics):
-    """Add the messages of a bag to `topics`; return the number of announced messages it lacks.
+    """Add the messages of a bag to `topics`; return how many fewer there are than it announces.
 
-    `topics` maps the name and the type of a topic to three sequences: its stamps, ns, of header and
+    `topics` maps (name, type) of a topic to three sequences: its time stamps, ns, of header and
     receipt in turn; its values, row by row; and the times of receipt of unreadable messages.
     """
     from rosbags import rosbag1, rosbag2

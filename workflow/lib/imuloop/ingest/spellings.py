@@ -62,11 +62,11 @@ _SPELT["interval"] = _SPELT["time"]
 
 
 class _Match(NamedTuple):
-    """How a name shows a quantity; of several matches the least is the best.
+    """How the name of a column shows a quantity; of several matches the smallest is the best.
 
-    `ending` tells whether the words of a unit were left out. `skipped` is the number of words
-    before the known `name`, which are the `prefix`, and `place` is the place of the name in the
-    table.
+    `kind` is the way in which it does, `_USUAL` to `_LAST`. `ending` tells whether the words of a
+    unit at the end were left out. `skipped` is the number of words before the known `name`; these
+    words are the `prefix`. `place` is the index of the known name in the table.
     """
 
     kind: int
@@ -78,10 +78,10 @@ class _Match(NamedTuple):
 
 
 def stated_unit(quantity, text, increments=False):
-    """Return the name of a unit in the config by its spelling in a file, None if it is not known.
+    """Return the unit, as in the config, of which `text` is a spelling; None if it is not known.
 
-    "m s^-2" is m/s^2. A log that has `deg` as the unit of a rate means deg/s: an angle counts as an
-    increment only with `increments`.
+    "m s^-2" is m/s^2. A unit of an increment, such as deg, counts only if `increments` is true.
+    Otherwise a log that has deg as the unit of a rate means deg/s.
     """
     unit = _SPELT[quantity].get(_plain(text))
     summed = unit in INCREMENTS.get(quantity, ())
@@ -135,17 +135,17 @@ def words_of(name):
 
 
 def named_sensor(text):
-    """Return the quantity of the sensor that words such as a file's name stand for, or None."""
+    """Return the quantity of the sensor that a text, such as a file's name, names, or None."""
     words = words_of(str(text))
     sensors = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
     return sensors.pop() if len(sensors) == 1 and _DERIVED.isdisjoint(words) else None
 
 
 def _ending(quantity, words, alone=True):
-    """Return the index in `words` at which the unit at their end starts.
+    """Return the index in `words` at which a unit of a quantity at their end starts.
 
-    If they do not end in a unit of the quantity, the result is their number. A single letter is a
-    unit only after another word, unless `alone`.
+    If they do not end in such a unit, the result is the number of words. A single letter by itself
+    is a unit only if `alone`.
     """
     for k in range(len(words)):
         text = "".join(words[k:])
@@ -182,16 +182,19 @@ def names_device(name):
 
 
 def increment_name(quantity, name):
-    """Return the name in the table by which a column is a sensor's increment, or None."""
+    """Return the name in the table by which a column holds increments of a sensor, or None.
+
+    `quantity` is the quantity of the sensor, and `name` the name of the column.
+    """
     match = _match(quantity, name)
     return match.name if match and match.kind == _INCREMENTS else None
 
 
 def two_parts(names):
-    """Return the positions of whole seconds and of their parts, and the unit of the parts, ns.
+    """Return the positions of the columns of whole seconds and of parts of a second, and a unit.
 
-    The names of the two columns are such as sec and nsec, or seconds and milliseconds. The result
-    is (None, 1) if no two columns have such names.
+    The unit of the parts is in ns. `names` are the names of all columns. Names of such columns
+    are sec and nsec, or seconds and milliseconds. The result is (None, 1) if no two have such.
     """
     whole = {match[1]: at for at, name in enumerate(names) if (match := _WHOLE.fullmatch(name))}
     for at, name in enumerate(names):
@@ -202,13 +205,13 @@ def two_parts(names):
 
 
 def guess(names, alone=None, usual=True):
-    """Return the columns of each quantity by their names, {quantity: list}, the best first.
+    """Return the columns that may hold each quantity, by their names, {quantity: list}.
 
     `names` are the names of all columns. An entry of a list is a tuple of positions, three for a
-    sensor and one for others; all entries of a sensor have equally good names. If `usual`, only
-    usual names count. Otherwise a name may also be of increments, show the sensor by a word, or
-    follow a prefix that both sensors have. If only the sensor `alone` is looked for, any three
-    columns x, y, z count.
+    sensor and one for others. The best entry comes first; all entries of a sensor are equally good.
+    If `usual`, only usual names count. Otherwise a name may also be one of an increment, show the
+    sensor by a word, or follow a prefix that both sensors have. If only one sensor is logged,
+    `alone` is its quantity; then any three columns x, y, z count.
     """
     triples, matches, places = _triples(names), {}, {}
     for quantity in _NAMES:
@@ -237,10 +240,10 @@ def guess(names, alone=None, usual=True):
 
 
 def _triples(names):
-    """Return the positions of x, y and z of names that differ only in the axis.
+    """Return the positions of columns x, y and z whose names differ only in the axis.
 
-    The result is a list of lists of tuples. Names that repeat give several tuples in a list, of
-    which two are returned, as these are enough to see that the names repeat.
+    The result is a list with an entry for each set of such names: a list of tuples of three
+    positions. It has one tuple, or two if a name repeats.
     """
     alike = {}
     for at, name in enumerate(names):

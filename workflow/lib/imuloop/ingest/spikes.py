@@ -41,7 +41,7 @@ _AROUND, _NEXT = np.r_[: REACH - 2, REACH + 3 : 2 * REACH + 1], np.r_[REACH - 1 
 def without_spikes(samples):
     """Return samples without the rows of spikes on a single channel, and the numbers of spikes.
 
-    A spike of a slower sensor counts in all rows that hold it.
+    A spike of a sensor with a slower clock counts in all rows that repeat it.
 
     Parameters
     ----------
@@ -77,18 +77,17 @@ def without_spikes(samples):
 
 
 def find_spikes(x, steps):
-    """Return the spikes on a single channel, (2, k) of int, and those on several, (2, l) of int.
+    """Return the spikes on a single channel, (2, k) of int, and on several channels, (2, l) of int.
 
-    Both have the numbers of the channels and of the rows.
-
-    A sample v is far off if
+    Each spike is a pair: number of the channel, number of the row. A sample v is a spike if
 
         |v - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
 
     c is the value of the cubic through NEAR samples on each side, and d the largest distance of
-    these from the cubic. s is the standard deviation of the noise: the median distance, within
-    REACH, of samples from the cubic through two samples on each side, over 0.6745. q is the
-    quantisation step. If other channels move, the sample has to be off by 3 OF_NEIGHBOURS d.
+    these samples from the cubic. s is the standard deviation of the noise: each sample within REACH
+    has a distance from the cubic through two samples on each side of it, and s is the median of
+    these distances over 0.6745. q is the quantisation step. If other channels move in the same row,
+    the spike is on several channels, and |v - c| has to exceed 3 OF_NEIGHBOURS d, too.
 
     Parameters
     ----------
@@ -124,12 +123,13 @@ def find_spikes(x, steps):
 
 
 def _candidates(x, step):
-    """Return samples of a channel x, (n,), that are far from the cubic through their neighbours.
+    """Return the k samples of a channel that may be spikes, (4, k).
 
-    Such a sample is farther from the cubic through two samples on each side than twice the
-    distances three and five rows away, and than `OF_NOISE` times the quantisation `step`; most
-    samples are not. The result, (4, k), has the rows, the values of the cubic through NEAR samples
-    on each side, the distances from these, and the distances as multiples of a neighbour's.
+    `x` are the samples of the channel, (n,), and `step` is its quantisation step. A cheap test
+    excludes most samples: the distance of a sample from the cubic through two samples on each side
+    has to exceed `OF_NOISE` steps and twice the distances of the samples three and five rows away.
+    The rows of the result are: number of the row, value c of the cubic through NEAR samples on each
+    side, distance from c, and this distance over the largest one of these samples.
     """
     distance = _distance(x)
     inner, twice = distance[REACH:-REACH], 2 * distance

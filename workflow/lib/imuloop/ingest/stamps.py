@@ -27,11 +27,11 @@ _UNIX = (946_684_800 * 10**9, 4_102_444_800 * 10**9)
 
 
 def parse_stamps(text):
-    """Return a column of stamps that are written as text, an Arrow array, as numbers or dates.
+    """Return the time stamps in a column of text as numbers or dates, an Arrow array.
 
-    The type of the result is int64, float64 or timestamp[ns] (UTC), the first that fits. Unreadable
-    stamps become null. Stamps without a zone count as UTC. A time of the day, 23:59:59.25 or
-    23:59:59:250, and minutes and seconds, 59:59.25, become seconds.
+    `text` is an Arrow array. The type of the result is int64, float64 or timestamp[ns] (UTC), the
+    first that fits. Unreadable stamps become null. Stamps without a zone count as UTC. A time of
+    the day, 23:59:59.25 or 23:59:59:250, and minutes and seconds, 59:59.25, become seconds.
     """
     for kind in (pa.int64(), pa.float64()):
         with suppress(pa.ArrowInvalid):
@@ -76,10 +76,10 @@ def stamp_array(column):
 
 
 def joined_stamps(seconds, parts, part_ns):
-    """Return the stamps of two columns, whole seconds and parts of a second, as ns, int64.
+    """Return the time stamps in two columns, whole seconds and parts of a second, as ns, int64.
 
-    `parts` are in units of `part_ns` ns. A stamp is null if one of its numbers cannot be read, or
-    if the part is a second or more.
+    `seconds` and `parts` are Arrow arrays, the latter in units of `part_ns` ns. A stamp is null if
+    one of its numbers cannot be read, or if the part is a second or more.
     """
     (whole, readable, dates), (part, sound, _) = map(stamp_values, (seconds, parts))
     sound = sound & readable & (part >= 0) & (part * part_ns < 10**9) & (not dates)
@@ -90,10 +90,10 @@ def joined_stamps(seconds, parts, part_ns):
 
 
 def stamp_values(column):
-    """Return stamps as numbers, (n,), a mask of the readable ones, (n,), and if they are dates.
+    """Return time stamps as numbers, (n,), the mask of readable ones, (n,), and if they are dates.
 
-    `column` is an Arrow array of stamps. The numbers are int64, ns since 1970 for dates, or
-    float64. A stamp that is not readable is 0.
+    `column` is an Arrow array, as `stamp_array` returns it. The numbers are int64, ns since 1970
+    for dates, or float64. A stamp that is not readable is 0.
     """
     dates = pa.types.is_timestamp(column.type)
     readable = column.is_valid().to_numpy(zero_copy_only=False)
@@ -132,10 +132,10 @@ def iso_nanoseconds(value):
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
-    """Return a stamp as nanoseconds since 1970, or None if it is not a date.
+    """Return a time stamp as nanoseconds since 1970, or None if it is not a date.
 
-    If `absolute`, the stamp is already nanoseconds since 1970. Otherwise it is a number in `unit`
-    and counts as Unix time if this is between the years 2000 and 2100.
+    If `absolute`, `stamp` is already nanoseconds since 1970. Otherwise it is a number in the unit
+    `unit`, and is a date if, as Unix time, it lies between the years 2000 and 2100.
     """
     if absolute:
         return int(stamp)
@@ -144,9 +144,10 @@ def absolute_nanoseconds(stamp, unit, absolute):
 
 
 def check_unit(stamp, unit):
-    """Raise a RejectedLog if a stamp is after 2100 in its unit, but a likely date in a finer unit.
+    """Raise a RejectedLog if the time stamps of a log are dates in a finer unit than declared.
 
-    `stamp` is the first stamp of a log, a number, and `unit` its unit.
+    `stamp` is the first time stamp, a number, and `unit` its unit. In this unit it is after the
+    year 2100, but in a finer one between the years 2000 and 2100.
     """
     finer = [name for name in NANOSECONDS if absolute_nanoseconds(stamp, name, False) is not None]
     if finer and stamp * NANOSECONDS[unit] >= _UNIX[1]:

@@ -1,4 +1,4 @@
-"""Logs of several tables or streams, each on its own clock: find those that hold the sensors."""
+"""Logs of several tables or streams, each with its own clock: choice of those with the sensors."""
 
 import re
 from dataclasses import dataclass, field
@@ -17,11 +17,11 @@ AUTOPILOT = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "te
 
 @dataclass(frozen=True)
 class Stream:
-    """Numbers in a log that have the same clock, such as a topic or a kind of message.
+    """The part of a log that has one clock, such as a topic or a kind of message, n rows.
 
-    `stamps` are whole or decimal numbers, shape (n,), with the same unit in all streams of a log.
-    `fields` maps names to values, shape (n,). `units` maps a quantity to its unit, if the format
-    states it. `notes` are lines that a user of this stream should know.
+    `stamps` are its time stamps, whole or decimal numbers, (n,); all streams of a log have the same
+    unit of time. `fields` are its values, (n,) by name. `units` are its units by quantity, if the
+    format states them. `notes` are lines for the user of this stream.
     """
 
     name: str
@@ -36,9 +36,9 @@ class Stream:
         return [*map(one_line, self.fields)]
 
     def measures(self, quantity):
-        """Return whether fields with the usual names of a quantity hold any value but zero.
+        """Return whether the stream measures a quantity: a field of it has values other than zero.
 
-        The result is None if no field has such a name.
+        The fields are found by the usual names of the quantity. Without one the result is None.
         """
         if not guess(self.names)[quantity]:
             return None
@@ -56,11 +56,12 @@ class Stream:
 
 
 def sensor_fields(quantity, fields, names, interval, ticks_per_s=1):
-    """Return the fields of a sensor by their usual names, a dict; empty if they are not there.
+    """Return the fields of a sensor under their usual names, a dict; empty if they are not there.
 
-    `names` are the names of x, y and z in `fields`. If there is a field `interval`, they are
-    increments, and are divided by their intervals, in ticks of which 1 s has `ticks_per_s`. A value
-    with an interval that is not positive becomes not-a-number.
+    `quantity` is the quantity of the sensor, `fields` are the values, (n,) by name, and `names` the
+    names of x, y and z in `fields`. If `fields` has a field with the name `interval`, the values
+    are increments and are divided by it. A second is `ticks_per_s` of its unit. A value becomes
+    not-a-number if its interval is not positive.
     """
     if not {*names} <= {*fields}:
         return {}
@@ -73,14 +74,15 @@ def sensor_fields(quantity, fields, names, interval, ticks_per_s=1):
 
 
 def raw_log(streams, columns=None, notes=(), damage=()):
-    """Return the RawLog of the streams that hold acceleration and angular rate.
+    """Return the RawLog of the streams that hold acceleration, angular rate and temperature.
 
-    `columns` maps a quantity to a stream or to ``STREAM.FIELD``, three of these for a sensor. Other
-    quantities are found by the usual names of fields, in streams with values other than zero. A
-    time or temperature of None counts as not logged. `notes` and `damage` are lines on the log and
-    on its lost parts. An ImuloopError is raised if no stream holds a sensor, but a RejectedLog if
-    there is damage, as the data are then at fault, not the config. A RejectedLog is also raised if
-    no stream has rows.
+    `streams` are all Streams of the log. `columns` are the declared columns by quantity: a stream
+    or ``STREAM.FIELD``, three of these for a sensor. Other quantities are found by the usual names
+    of fields, in streams with values other than zero. A time or temperature of None counts as not
+    logged. `notes` and `damage` are lines on the log and on its lost parts.
+
+    Raises an ImuloopError if no stream holds a sensor, but a RejectedLog if there is damage: then
+    the data are at fault, not the config. Raises a RejectedLog, too, if no stream has rows.
     """
     columns, notes = dict(columns or {}), [*damage, *notes]
     streams, usual = {one_line(stream.name): stream for stream in streams}, {}
@@ -117,18 +119,22 @@ def raw_log(streams, columns=None, notes=(), damage=()):
 
 
 def names_in(columns):
-    """Return the words in declared columns, with and without the number of an instance, a set."""
+    """Return the names of topics or messages that declared columns may mean, a set.
+
+    These are all words in the declaration, with and without the number of an instance at the end.
+    """
     words = re.findall(r"\w+", str(columns or ""))
     return {*words, *(re.sub(r"_\d+\Z", "", word) for word in words)}
 
 
 def choose(columns, tables, usual, bare=False):
-    """Return the name of the table of each sensor, a dict by quantity.
+    """Return the name of the table that holds each sensor, a dict by quantity.
 
-    The table is the one in the declared `columns`, else one of the `usual` tables, a list of names
-    for each quantity. A table that holds both sensors is preferred. `tables` maps names of tables
-    to their columns. If `bare`, columns may be declared without their table. Declared columns lose
-    the name of their table. Raises an ImuloopError if no table or several tables fit.
+    `columns` are the declared columns by quantity. They name the table; the name is removed from
+    them, in place. `tables` has the names of the columns of each table by its name. For a sensor
+    that is not declared, `usual` lists the names of tables that look like it; a table that holds
+    both sensors is preferred. If `bare`, columns may be declared without their table. Raises an
+    ImuloopError if no table or several tables fit.
     """
     logged = [quantity for quantity in SENSORS if columns.get(quantity, "") is not None]
     owners = {quantity: owner(quantity, columns, tables, bare) for quantity in logged}
@@ -145,11 +151,11 @@ def choose(columns, tables, usual, bare=False):
 
 
 def owner(key, columns, tables, bare=False):
-    """Return the name of the table in which a declared quantity is, None if it is not declared.
+    """Return the name of the table that is declared for a quantity, None if none is declared.
 
-    `key` is the quantity. In the declared `columns` it loses the name of the table. `tables` maps
-    names of tables to their columns. If `bare`, columns may be declared without their table. Raises
-    an ImuloopError if there is no such table.
+    `key` is the quantity. The other arguments are as in `choose`; the name of the table is
+    removed from the declared columns of the quantity, in place. Raises an ImuloopError if there is
+    no such table.
     """
     if (declared := columns.get(key)) is None:
         return None

@@ -1,4 +1,4 @@
-"""Logs that are tables of both sensors, of one sensor, or of both sensors in turn."""
+"""Logs that are tables: one of both sensors, one for each sensor, or one of both in turn."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
     headed : bool
         Whether the names are from the table; otherwise they are numbers.
     tick : float
-        Factor from the time stamps to the unit of time.
+        Factor by which the time stamps are multiplied to have the unit of time.
     units : dict
         Units by quantity that come before those of ``chosen``.
     **facts
@@ -88,10 +88,10 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _unit_of_stamps(log):
-    """Return the number of units in a tick of the stamps, and the unit; None if it is not clear.
+    """Return the tick of the time stamps of a RawLog and its unit; None if the unit is not clear.
 
-    The unit is clear if the stamps of the RawLog are Unix time in a finer unit than s, at a
-    plausible rate, or ticks of Xsens.
+    A stamp times the tick is in the unit. It is clear if the stamps are Unix time in a finer unit
+    than s, at a plausible rate, or ticks of Xsens.
     """
     name = log.names.get("time")
     if "time" in log.units or not isinstance(name, str):
@@ -149,21 +149,21 @@ def _without_turns(log):
 
 
 def _absent(batch, lacks):
-    """Return which of n rows lack all axes of each sensor, (2, n) of bool.
+    """Return whether each of n rows lacks all axes of each of the two sensors, (2, n) of bool.
 
-    ``lacks(values)`` tells which values are absent.
+    `batch` has the rows. The function ``lacks(values)`` returns which values are absent.
     """
     values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
     return lacks(values).all(axis=1)
 
 
 def read_tables(tables, read, columns):
-    """Return the RawLog of several tables, each on its own clock.
+    """Return the RawLog of several tables, each with its own clock.
 
     Parameters
     ----------
     tables : dict
-        Name of the table of each quantity.
+        Name of the table that holds each quantity, by quantity.
     read : callable
         ``read(name, columns)`` returns the RawLog of a table.
     columns : dict
@@ -192,10 +192,10 @@ def read_tables(tables, read, columns):
 
 
 def read_pair(read, paths, columns=None):
-    """Return the RawLog of a table for each sensor.
+    """Return the RawLog of a log in two tables, one for each sensor.
 
-    `paths` has the path of each table by quantity, and `columns` are the declared columns. Each
-    table is read by ``read(paths, columns)``.
+    `paths` has the path of each table by quantity, and `columns` are the declared columns by
+    quantity. Each table is read by ``read(paths, columns)``.
     """
     files = {SENSOR_OF[quantity]: path for quantity, path in paths.items()}
     return read_tables(SENSOR_OF, lambda name, x: read({"log": files[name]}, x), columns or {})

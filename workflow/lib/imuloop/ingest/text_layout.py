@@ -1,4 +1,4 @@
-"""The layout of a text table, found from its first bytes: separator, header, units, decimals."""
+"""The layout of a text table by its first bytes: separator, header, units, decimal sign."""
 
 import csv
 import re
@@ -41,12 +41,15 @@ JSON_DOCUMENT = (
 class Layout:
     """The layout of a text table.
 
-    `separator` is a comma, tab, semicolon, bar, or a blank that stands for any number of blanks.
-    `names` are the names of the columns; they are numbers if the file has no names, and `headed` is
-    then False. Rows begin at the byte `start`. `before` are the fields of the lines before header
-    and rows. `units` are the units in a row below the header, or empty. `rewrites` are pairs of a
-    pattern and its replacement, to be applied to all lines in this order; for example, a decimal
-    comma becomes a point, and several blanks a tab. `rows` are the fields of the first rows.
+    - `separator`: a comma, tab, semicolon, bar, or a blank that stands for any number of blanks;
+    - `names`: names of the columns, which are numbers if the file has no names;
+    - `headed`: whether the file has names of columns;
+    - `start`: number of the byte at which the rows begin;
+    - `before`: fields of each line before header and rows;
+    - `units`: units in a row below the header, or empty;
+    - `rewrites`: pairs (pattern, replacement) that are applied to all lines in this order: a
+      decimal comma becomes a point, several blanks become a tab;
+    - `rows`: fields of each of the first rows.
     """
 
     separator: str
@@ -142,9 +145,8 @@ def unreadable(error):
 def _rows(lines, least):
     """Return the separator with which most fields are numbers, the usual width, and the rows.
 
-    `lines` are texts, and a row has at least `least` fields. The width is the number of fields of
-    most rows, and the rows are the fields of all lines. There are no rows if the lines are not a
-    table.
+    `lines` are texts. The width is the number of fields that most lines have, at least `least`. The
+    rows are the fields of each line, a list of lists; it is empty if the lines are not a table.
     """
     best = 0.0, "", 0, []
     for separator in _SEPARATORS if lines else ():
@@ -181,7 +183,7 @@ def fields_of(line, separator):
 
 
 def is_number(text):
-    """Tell whether a field is a number, a date, or text for a missing number."""
+    """Return whether a field is a number, a date, or a text for a missing number."""
     if text in MISSING or _DATE.match(text):
         return bool(text)
     try:

@@ -37,9 +37,10 @@ _NO_ACCELERATION = 0x7FFFFFFF
 def read(paths, columns=None):
     """Return the RawLog of a ULog file.
 
-    A stream is a topic with its instance, such as ``sensor_accel_0``. `columns` are the declared
-    columns by quantity, each a stream or ``STREAM.FIELD``; the topic may be of another sensor.
-    Increments are divided by their own interval. Buffers become one row per sample.
+    A stream has the rows of a topic of one instance (sensor), such as ``sensor_accel_0``. `columns`
+    are the declared columns by quantity, each a stream or ``STREAM.FIELD``; they may be of topics
+    other than the usual ones. Increments are divided by their own interval. A buffer of samples
+    becomes one row per sample.
     """
     # imported late, as few logs need this library
     from pyulog import ULog
@@ -67,9 +68,9 @@ def read(paths, columns=None):
 def _sensor_id(quantity, data, parameters):
     """Return the device id and the slot of a sensor, {name: {"id", "slot"}}.
 
-    The slot is the number in the parameter of PX4 with this id, such as CAL_ACC0_ID. The id comes
-    from `data`, the fields of the sensor's topic. If it is not there, it comes from PX4's
-    `parameters` if these have a single sensor. The result is empty without a single id.
+    The slot is the number in the name of PX4's parameter with this id: 0 for CAL_ACC0_ID. The id
+    comes from `data`, the fields of the sensor's topic, or else from PX4's `parameters`. The result
+    is empty if there is no id or more than one.
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
@@ -82,9 +83,10 @@ def _sensor_id(quantity, data, parameters):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that knows whether reading ended inside a message.
+    """A file in memory that notes whether it ended inside a message, `cut`.
 
-    Damage can lead the library in circles, so reading more than `_MOST_TIMES` the file is refused.
+    Damage can lead the library in circles. So an error ends the reading once it has read
+    `_MOST_TIMES` times the size of the file.
     """
 
     cut, asked = False, 0
@@ -103,11 +105,11 @@ class _Tape(io.BytesIO):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(topic):
-    """Return the streams of one instance of a topic, a list.
+    """Return the Streams of one instance (sensor) of a topic, a list.
 
-    `topic` is the data set of pyulog. Fields of the sensors get their usual names, too. The
-    acceleration is a stream by itself if it was sampled at other times than the angular rate. The
-    list is empty without time stamps.
+    `topic` is the data set of pyulog. A Stream also has the fields of the sensors under their usual
+    names. The acceleration is a Stream by itself if it was sampled at other times than the angular
+    rate. The list is empty without time stamps.
     """
     fields, name = dict(topic.data), f"{topic.name}_{topic.multi_id}"
     sampled = fields.get("timestamp_sample")
@@ -140,11 +142,11 @@ def _streams(topic):
 
 
 def _unpacked(stamps, fields):
-    """Return the stamps, us, (m,), and the fields x, y, z, (m,), of all m samples in buffers.
+    """Return time stamp, us, (m,), and fields x, y, z, (m,), of all m samples in buffers.
 
-    Each row of `fields` is a first-in first-out buffer. `stamps` has the time of its last sample,
-    us, and ``dt`` the step between two samples, us. Fields without a buffer are returned as they
-    are.
+    Each row of `fields` is a buffer of samples. `stamps` has the time of its last sample, us, and
+    the field ``dt`` the step between two samples, us. If `fields` has no buffers, both are returned
+    as they are.
     """
     width = sum(name.startswith("x[") for name in fields)
     k = np.arange(width)

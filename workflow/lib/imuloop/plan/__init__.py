@@ -1,1 +1,1 @@
-"""The parameter that limits a calibration, and the rest or turn that improves it most."""
+"""The next step of a session: the rest or turn that improves the calibration most."""

@@ -35,10 +35,10 @@ _SHARE = np.linspace(0, 1, 64)[:, None]
 
 @dataclass(frozen=True)
 class Step:
-    """A rest in another attitude, or a turn of 360° between two rests.
+    """A step of a session: a rest in another attitude, or a turn of 360° between two rests.
 
-    `up` is the upward direction on body axes, (3,), in the rest, or before and after the turn.
-    `axis` is the axis of the turn, ``x``, ``y`` or ``z``; None for a rest.
+    `up` is the upward direction on body axes during the rest, or before and after the turn, a unit
+    vector, (3,). `axis` is the body axis of the turn, ``x``, ``y`` or ``z``; None for a rest.
     """
 
     up: np.ndarray
@@ -51,7 +51,7 @@ class Step:
         return f"turn it until {direction_words(self.up)} is up, and let go for {REST_S:.0f} s"
 
     def turn(self, now):
-        """Return the turn that leads to the end of this step.
+        """Return the rotation that the device makes in this step.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class Step:
         ndarray, shape (3,)
             Rotation vector of the turn on body axes, rad.
         float
-            Duration of the turn, s.
+            Usual duration of the turn, s.
         """
         if self.axis:
             return self.up, 2 * np.pi * np.eye(3)["xyz".index(self.axis)], FULL_TURN_S
@@ -81,7 +81,7 @@ class Advice:
     sensor, parameter : str
         Name of the sensor and of the parameter, such as ``gyroscope`` and ``K2``.
     error, ratio : float
-        Error of a reading by this parameter at 1 g or 100 deg/s, SI, and the ratio of this error to
+        Standard error that this parameter gives a reading of 1 g or 100 deg/s, SI, and its ratio to
         the error that is good enough.
     std, std_after : float
         Standard error of the parameter before and after the step, nominal SI.
@@ -101,14 +101,16 @@ class Advice:
 def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     """Return the Advice: the parameter that limits a calibration, and the next rest or turn.
 
-    A step adds residuals with the Jacobian J and the covariance R. After the step, the covariance
-    of the parameters is ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``, with C the covariance before. R comes from
-    the noise, times the reduced χ² of the calibration if that is above one.
+    The parameter that limits the calibration has the largest ratio of its error in use to the error
+    that is good enough. The next step is the one of `candidates` after which the standard error of
+    this parameter is smallest. A step adds residuals with the Jacobian J and the covariance R. The
+    covariance C of the parameters then becomes ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``. R follows from the
+    noise, times the reduced χ² of the calibration if that is above one.
 
     Parameters
     ----------
     calibration : Calibration
-        Calibration by `recording`.
+        The calibration that was fitted to `recording`.
     noise : NoiseModel
         Noise of the device.
     recording : Recording
@@ -169,17 +171,21 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
 
 
 def upward(calibration, poses):
-    """Return the upward direction in each of n poses as unit vectors on body axes, (n, 3)."""
+    """Return the upward direction in each of n Poses, unit vectors on body axes, (n, 3).
+
+    `calibration` is the Calibration of the device.
+    """
     force = calibration.accelerometer.aligned(poses.f)
     return force / np.linalg.norm(force, axis=1)[:, None]
 
 
 def candidates(up):
-    """Return the Steps to choose from, a list, after n rests.
+    """Return the Steps from which the next one is chosen, a list.
 
-    These are rests in attitudes far from all earlier rests, as an effect can hide in an attitude
-    that was never tried. If there is no such attitude, they are rests far from the last rest, and a
-    turn about each axis. `up` are the upward directions of the rests on body axes, (n, 3).
+    These are rests in those `ATTITUDES` that differ from all earlier rests by more than `FAR`,
+    because an effect can hide in an attitude that was never tried. If there is no such attitude,
+    they are rests that differ from the last rest by more than `FAR`, and a turn about each axis.
+    `up` are the upward directions of the n earlier rests on body axes, (n, 3).
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
@@ -187,10 +193,11 @@ def candidates(up):
 
 
 def simulate_steps(steps, now, calibration, recording):
-    """Return a simulated Recording of m steps without noise: two rests and a turn for each step.
+    """Return a simulated Recording of m steps: two rests and the turn between them for each step.
 
-    Each step is its own session. The rests are as long and as noisy as the median rest of
-    `recording`, and the turns are as undersampled as the turns in it.
+    Each step is its own session. The values have no noise. The rests have the duration and the
+    variance of the median rest of `recording`, and the turns the mean error by undersampling of its
+    rotations.
 
     Parameters
     ----------
@@ -211,7 +218,7 @@ def simulate_steps(steps, now, calibration, recording):
     rates = (1 - np.cos(2 * np.pi * _SHARE)) * turns / move_s[:, None, None]
 
     def to_nominal(sensor, values):
-        """Return the nominal SI values that a sensor logs for true values, SI, (..., 3)."""
+        """Return the values, nominal SI, that a sensor logs for the true `values`, SI, (..., 3)."""
         model = getattr(calibration, sensor)
         return model.raw_unit.to_si(values @ np.linalg.inv(model.T).T / model.K + model.b)
 
@@ -242,10 +249,11 @@ def simulate_steps(steps, now, calibration, recording):
 
 
 def next_step(calibration, noise, recording):
-    """Return the entry of diagnosis.json on the next step, a dict; empty if the noise is not known.
+    """Return the entry of diagnosis.json on the next step, a dict.
 
-    An error is good enough if it is as small as the noise of a mean over one second. Takes the
-    Calibration, the NoiseModel and the Recording of the device.
+    It is empty if the noise of a channel is not known, or if a pose has no specific force. An error
+    is good enough if it is at most the noise of a mean over one second. The arguments are the
+    Calibration and the NoiseModel of the device and its Recording.
     """
     poses = recording.poses
     enough = np.sqrt(noise.mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])

@@ -1,4 +1,4 @@
-"""Results of a session while it is recorded, and the next rest or turn."""
+"""The calibration by a session while it is recorded, and the next rest or turn."""
 
 from dataclasses import dataclass, replace
 
@@ -23,20 +23,20 @@ from imuloop.segment.settings import SegmentSettings
 
 @dataclass(frozen=True)
 class Progress:
-    """The results of a session so far, and advice on the next step."""
+    """How far a session has come: errors of the calibration so far, and the next step."""
 
     duration_s: float  # length of the session, s
     up: np.ndarray  # (n, 3): upward direction in each pose on body axes
-    # for each sensor, the largest standard error of its misalignments, rad, and relative scale
-    # factors; infinite before the first estimate
+    # for each sensor, the largest of the standard errors of its misalignments, rad, and of its
+    # scale factors, relative; infinite before the first estimate
     worst: dict
     advice: str  # the next step, words
-    # whether all errors are good enough, and the poses enough to test for missing effects
+    # whether all errors are good enough, and there are enough poses to test for effects
     done: bool = False
 
 
 def progress(samples, gravity, units, noise=None, within=2e-3):
-    """Return the Progress of a session.
+    """Return the Progress of a session from its samples so far.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
         Noise of the device, as `rest_noise` estimates it. By default it is white noise with the
         variance of the samples in the rests.
     within : float
-        Largest standard error of relative scale factors, and of misalignments, rad, that is good
-        enough.
+        Standard error of relative scale factors, and of misalignments, rad, up to which the
+        calibration is good enough.
     """
     t = samples["t"].to_numpy()
     early = Progress(float(np.ptp(t)), np.empty((0, 3)), dict.fromkeys(SENSORS, np.inf), "")
@@ -83,7 +83,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 
 
 def rest_noise(samples):
-    """Return the NoiseModel of a session, estimated from its rests, with flicker and random walk.
+    """Return the NoiseModel by the rests of a session, with flicker and random walk.
 
     `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
     """

@@ -1,4 +1,4 @@
-"""Directions on the sphere: their names, and the one farthest from all directions of a set."""
+"""Directions of space: their names, and the direction farthest from all of a set."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ LEANS = 0.35
 
 
 def largest_hole(directions):
-    """Return the direction farthest from all given directions, (3,), and its angle, rad.
+    """Return the direction farthest from n others, (3,), and its angle to the nearest of them, rad.
 
-    `directions` are unit vectors, (n, 3). The angle is to the nearest of them.
+    `directions` are the n others, unit vectors, (n, 3).
     """
     # directions about 4 degrees apart
     grid = fibonacci_lattice(2000)

@@ -31,13 +31,14 @@ DECLARED = re.compile(r"see (units|--\S+-unit)")
 
 
 def next_step(device):
-    """Return the most useful next step for a device, a sentence.
+    """Return the most useful next step for a user of a device, a sentence.
 
-    `device` has the DeviceResults.
+    `device` is the DeviceResults. Steps have three ranks: steps against faults of a recording come
+    first, then further recordings, and last a long record at rest, which improves the noise only.
+    Among steps of one rank, the step with the largest gain is chosen. The gain is the share by
+    which the step may lower a standard error or a residual; it is 1 if a recording is missing.
 
-    A fault of a recording comes first; hours at rest come last, as they show noise alone. Among
-    steps of one rank, the one with the largest gain comes first. A gain is the share by which the
-    step may lower a standard error or a residual; it is 1 if a recording is missing.
+    The functions `_rejected` to `_static_record` yield steps: (gain, name of a phrase, its values).
     """
     mend = (_rejected, _doubted, _first_session, _clipped, _short_rests, _tilted_rests)
     record = (_missing, _limit, _hole, _heat_and_cool)
@@ -55,7 +56,7 @@ def next_step(device):
 
 
 def _rejected(device):
-    """Yield the step to record each rejected session again, or to correct its declaration."""
+    """Yield for each rejected session the step to record it again or correct its declaration."""
     for s in device.sessions:
         if s.rejected:
             code = "correct" if s.quality["misdeclared"] else "record_again"
@@ -63,7 +64,7 @@ def _rejected(device):
 
 
 def _doubted(device):
-    """Yield the step to check each declaration that ingest questions."""
+    """Yield for each doubtful declaration, by the warnings of ingest, the step to check it."""
     for s in device.used:
         for text in filter(DECLARED.search, s.quality["warnings"]):
             yield 1.0, "doubted", {"session": s.name, "text": text}
@@ -79,7 +80,7 @@ def _first_session(device):
 
 
 def _clipped(device):
-    """Yield the step to avoid saturation in each session that has it."""
+    """Yield the step to avoid saturation, for each session with saturated samples."""
     for s in device.used:
         counts = {k: v for k, v in s.quality["clipped"].items() if v}
         seen = s.quality["faults"].get("clipped_at", {})
@@ -90,7 +91,7 @@ def _clipped(device):
 
 
 def _short_rests(device):
-    """Yield the step to hold rests longer in each session with many short ones."""
+    """Yield the step to rest longer, for each session with a share `MANY_SHORT` of short rests."""
     for s in device.used:
         short, used = s.segmentation.get("short_rests", 0), s.segmentation.get("shorter")
         every = short + (s.segments["pose"] >= 0).sum()
@@ -99,7 +100,7 @@ def _short_rests(device):
 
 
 def _tilted_rests(device):
-    """Yield the step to rest more firmly in each session with many tilted rests."""
+    """Yield the step to rest more firmly, for each session with a share `MANY` of tilted rests."""
     for s in device.used:
         tilted, rests = s.segmentation.get("tilted_rests", 0), (s.segments["pose"] >= 0).sum()
         if tilted > MANY * rests:
@@ -111,7 +112,7 @@ def _tilted_rests(device):
 
 
 def _missing(device):
-    """Yield the step against each residual above its floor, and against too low a sampling rate."""
+    """Yield a step for each residual above its floor, and one against too low a sampling rate."""
     diagnoses = blocks(device.diagnosis)
     above = [b for b in diagnoses if b["verdict"] in ABOVE]
     for b in diagnoses:
@@ -140,10 +141,10 @@ def _missing(device):
 
 
 def _limit(device):
-    """Yield the step to improve the parameter that limits readings, if its error matters.
+    """Yield the next rest or turn, if the error of the parameter that limits readings matters.
 
-    The error matters if it exceeds the noise by the factor `MATTERS`. A step that lowers its
-    standard error by less than the share `NOTICEABLE` is left out.
+    The error matters if it exceeds the noise of a mean over one second by the factor `MATTERS`. A
+    step that lowers this error by less than the share `NOTICEABLE` is left out.
     """
     now = device.diagnosis.get("next_step")
     if not now or now["ratio"] <= MATTERS:
@@ -157,7 +158,7 @@ def _limit(device):
 
 
 def _display(now):
-    """Return the `Display` of the parameter of a next step."""
+    """Return the Display of the parameter of `now`, the entry ``next_step`` of diagnosis.json."""
     if now["parameter"][0] == "T":
         return MILLIRADIAN
     return data_sheet("1" if now["parameter"][0] == "K" else OUTPUT[now["sensor"]])
@@ -195,7 +196,7 @@ def _heat_and_cool(device):
 
 
 def _static_record(device):
-    """Yield the step to record longer at rest, if flicker or walk has only an upper limit."""
+    """Yield the step to record longer at rest, if flicker or random walk has only a limit."""
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
     axes = {}
     for channel, noise in device.axes.items():

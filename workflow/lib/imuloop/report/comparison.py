@@ -27,12 +27,17 @@ COMPARED = ("final", "logged", "after", "floor", "prior")
 
 
 def summarise(device):
-    """Return the content of summary.json, a device's part of the comparison.
+    """Return the content of summary.json, by which devices are compared.
 
-    Its keys: ``values`` are rows of the long table; ``filter`` {name: {value, axis, limit,
-    raised_from}} is the noise for a filter; ``allan`` is {channel: {tau_s, adev}}; ``answers`` and
-    ``card`` are texts of `findings`; ``loop`` has the errors of `loop_errors`; ``verdicts`` has the
-    verdict by sensor and kind of data; ``calibrated`` says whether there is a calibration to use.
+    `device` is the DeviceResults. Keys that need an explanation:
+
+    - ``values``: rows of the long table (`long_table`);
+    - ``filter``: noise for a filter, {name: {value, axis, limit, raised_from}} (`filter_noise`);
+    - ``allan``: Allan deviation, {channel: {tau_s, adev}};
+    - ``answers``, ``card``: texts of `findings`;
+    - ``loop``: the errors of `loop_errors`;
+    - ``verdicts``: the verdict by sensor and kind of data;
+    - ``calibrated``: whether there is a calibration to use.
     """
     diagnoses, final = blocks(device.diagnosis), device.calibrations.get("final")
     loop = loop_errors(device, diagnoses) if device.calibrations else []
@@ -69,11 +74,12 @@ def summarise(device):
 
 
 def filter_noise(device, final):
-    """Return white noise and random walk for a filter, SI, and the sampling rate of the logs, Hz.
+    """Return white noise N and random walk K for a filter, and the sampling rate of the logs, Hz.
 
-    Each sensor has one N and one K: the largest of its axes, for calibrated samples. A term that
-    was not seen has its 95 % upper limit; values are raised if N and K would not bound the Allan
-    curve.
+    The result is a dict: ``rate_hz``, and ``SENSOR_N`` and ``SENSOR_K`` of each sensor, a Density
+    as a dict. N and K are the largest of the axes, SI, for samples calibrated by `final`, a
+    Calibration or None. If the data do not show a coefficient, its 95 % upper limit counts. N and K
+    are raised if they would not bound the Allan variance (`bounding`).
     """
     rates = [s.quality["rate_hz"] for s in device.used]
     content = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
@@ -88,10 +94,10 @@ def filter_noise(device, final):
 
 
 class Cell(NamedTuple):
-    """A cell of the comparison: its text, small text below, and the number it is sorted by.
+    """A cell of the comparison: its text, small text below, and `value`, for sorting.
 
-    A cell may have a `mark`, the size that the data sheet states. `place` and `mark_place` are the
-    places of the number and of the mark along a bar, in per cent.
+    `mark` is the value that the data sheet states, if it does. `place` and `mark_place` are the
+    positions of value and mark along the bar of the cell, %.
     """
 
     text: str
@@ -103,10 +109,10 @@ class Cell(NamedTuple):
 
 
 def placed(rows):
-    """Return the rows with the places of all cells along the bars of their columns.
+    """Return rows of Cells, one per device, in which `place` and `mark_place` are set.
 
-    There is a row of Cells per device. A place is linear in the logarithm of the size, from the
-    smallest size of the column to the largest.
+    A place is linear in the logarithm of the value, from the smallest value or mark of the column
+    to the largest.
     """
     columns_of_cells = []
     for column in zip(*rows, strict=True):
@@ -114,7 +120,7 @@ def placed(rows):
         low, span = (np.log(min(sizes)), np.log(max(sizes) / min(sizes))) if sizes else (0.0, 0.0)
 
         def place(size, low=low, span=span):
-            """Return the place of a size between the ends of its column, 4 to 96 %."""
+            """Return the place of a value between the ends of its column, 4 to 96 %, or None."""
             return 4 + 92 * (np.log(size) - low) / span if size and size > 0 and span else None
 
         columns_of_cells.append(
@@ -129,18 +135,18 @@ def placed(rows):
 
 
 def columns(sensor):
-    """Return quantity and unit of each column of a sensor's comparison."""
+    """Return the columns of the comparison of a sensor, a dict of Display by quantity."""
     residual = MILLI_G if sensor == "accelerometer" else DEGREES
     units = QUANTITIES[sensor] | {"quoted": residual}
     return {quantity: units[quantity] for quantity in WORDS["compared"]}
 
 
 def pivot(summary, sensor):
-    """Return five `Value` rows for each quantity of a sensor, for its worst axis.
+    """Return five `Value` for each quantity of a sensor, a dict of tuples by quantity.
 
-    These are the row with the largest value; a row with an upper limit above that value; the noise
-    of samples as logged; the floor of a residual; and the tolerance, or the noise, by the data
-    sheet. A row that is absent is None. The result is a dict by quantity.
+    `summary` is the content of summary.json of a device. The five are: the largest value of the
+    axes; an upper limit of an axis that is above it; the noise of samples as logged; the floor of a
+    residual; and the tolerance, or the noise, by the data sheet. Each is None if it is absent.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     quantities = {}
@@ -180,15 +186,20 @@ def _cell(largest, limit, logged, floor, prior, display):
 
 
 def verdict_rank(verdicts):
-    """Return the number by which to sort verdicts: poses count first, then other data."""
+    """Return a number by which devices are sorted, larger for worse verdicts.
+
+    `verdicts` has the verdict by kind of data. The verdict on poses counts most, then those on
+    other data, in the order of `RECORDS`.
+    """
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
     return sum(10**k * place for k, place in enumerate(reversed(order)))
 
 
 def filter_cells(summary):
-    """Return the cells of the sampling rate of a device, Hz, and of its noise for a filter, SI.
+    """Return the cells on a filter for a device, a list.
 
-    White noise and random walk of the accelerometer come before the gyroscope's.
+    They are the sampling rate, Hz, then white noise and random walk of the accelerometer and of the
+    gyroscope, SI. `summary` is the content of summary.json.
     """
     content = summary["filter"]
     rate = content["rate_hz"]
@@ -207,9 +218,8 @@ def filter_cells(summary):
 def write_comparison(path, summaries, failures=()):
     """Write comparison.csv: a row per device, with values in SI and units in the headers.
 
-    `summaries` are the contents of summary.json of the devices.
-
-    The first rows are of devices without results: one row, with the reason, for each Failure.
+    `summaries` are the contents of summary.json of the devices. The first rows are of devices
+    without results: one row, with the reason, for each Failure in `failures`.
     """
     rows = [
         {
@@ -226,7 +236,10 @@ def write_comparison(path, summaries, failures=()):
 
 
 def _row(summary):
-    """Return a row of comparison.csv by its headers, the same for every device."""
+    """Return the row of a device in comparison.csv, a dict by header.
+
+    `summary` is the content of summary.json. All devices have the same headers.
+    """
     why = [f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]]
     texts = {key: summary[key] for key in ("device", "label", "status")} | {"why": "; ".join(why)}
     row = {key: text_cell(one_line(text)) for key, text in texts.items()}

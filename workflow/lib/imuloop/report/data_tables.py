@@ -14,7 +14,10 @@ NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"
 
 
 def data_table(device):
-    """Return the table of sessions, a column per session: rows, rate, every fault counted."""
+    """Return the Table of the logs of a DeviceResults, a column per session.
+
+    Its rows are the figures of `quality_figures`, such as number of rows, rate and faults.
+    """
     columns = []
     for s in device.sessions:
         status = "rejected" if s.rejected else "used"
@@ -57,10 +60,13 @@ def quality_figures(q):
 
 
 def _faults(quality):
-    """Return the faults of values as text, by name and unit; ingest leaves them in the samples."""
+    """Return the faults that ingest left in the samples, as text by name and unit.
+
+    `quality` is the entry ``faults`` of quality.json.
+    """
 
     def rows(key):
-        """Return the rows of a fault by channel as text."""
+        """Return the number of rows with a fault, by channel, as text."""
         return text_of({k: v["rows"] for k, v in quality.get(key, {}).items()})
 
     repeats = {sensor: n for sensor, n in (quality.get("rows_a_value") or {}).items() if n > 1}

@@ -29,7 +29,10 @@ STATUS = ("added", "confounded", "rejected", *UNTRIED)
 
 
 def steps_table(block):
-    """Return the table of effects in the order they were added in, or an empty list."""
+    """Return the Table of the added effects in order, or an empty list.
+
+    `block` is a diagnosis, as `block_of` returns it.
+    """
     residuals, rows = block["residuals"], []
     for place, effect in enumerate(block["effects"], 1):
         name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
@@ -48,7 +51,10 @@ def steps_table(block):
 
 
 def parameter_rows(effect):
-    """Return a row for each parameter of an effect: name, value ± σ, unit as in data sheets."""
+    """Return a row for each parameter of an effect: name, value ± 1 σ, and unit of data sheets.
+
+    `effect` is an entry of the list ``effects`` in diagnosis.json.
+    """
     rows = []
     for name, value in effect["parameters"].items():
         display, sigma = data_sheet(effect["units"][name]), effect["std"].get(name)
@@ -58,7 +64,11 @@ def parameter_rows(effect):
 
 
 def matrix_rows(effect):
-    """Return rows of an effect's parameters, a column per axis; empty if they have no axes."""
+    """Return the parameters of an effect as rows with a cell per axis.
+
+    The result is empty if a parameter has no axis in its name. `effect` is an entry of the list
+    ``effects`` in diagnosis.json.
+    """
     values, units, largest, rows = effect["parameters"], effect["units"], {}, {}
     if not all(map(OF_AXIS.fullmatch, values)):
         return []
@@ -76,9 +86,10 @@ def matrix_rows(effect):
 
 
 def _step(effect, name):
-    """Return a text with session and time of the step whose number is in a parameter's name.
+    """Return a text with session and time of the step that a parameter of an effect belongs to.
 
-    The text is empty if the name has no such number.
+    `effect` is an entry of diagnosis.json, and `name` is the name of the parameter, which has the
+    number of the step. The text is empty if there is no such step.
     """
     sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
     step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
@@ -87,7 +98,10 @@ def _step(effect, name):
 
 
 def effect_table(block, effect):
-    """Return the table of parameters ± σ of an effect that was added."""
+    """Return the Table of the parameters ± 1 σ of an added effect.
+
+    `block` is a diagnosis, as `block_of` returns it, and `effect` one of its ``effects``.
+    """
     kind = Effect.library.get(effect["name"])
     rows, columns = matrix_rows(effect), ("Parameter", *XYZ, "Unit")
     if effect["name"] == TurnOnBias.name or not rows:
@@ -112,7 +126,10 @@ def effect_table(block, effect):
 
 
 def set_up_table(block):
-    """Return the table of bias and mounting of sessions with a reference, or an empty list."""
+    """Return the Table of bias and mounting in sessions with a reference, or an empty list.
+
+    `block` is a diagnosis, as `block_of` returns it.
+    """
     rows = []
     for session, content in block.get("set_up", {}).items():
         rows += [(f"{session}, {name}", *cells) for name, *cells in parameter_rows(content)]
@@ -122,10 +139,10 @@ def set_up_table(block):
 
 
 def ranked(block):
-    """Return the candidates of a diagnosis, sorted by status.
+    """Return the candidate effects of a diagnosis, sorted by status in the order of `STATUS`.
 
-    Within a status, added effects are in the order of their addition, and others are sorted by
-    p-value.
+    Added effects are in the order in which they were added, the others of a status are sorted
+    by p-value. `block` is a diagnosis, as `block_of` returns it.
     """
     order = [effect["name"] for effect in block["effects"]]
     return sorted(
@@ -139,9 +156,9 @@ def ranked(block):
 
 
 def ranking_table(block):
-    """Return the table of the effects that were tried, with status and detection limits.
+    """Return the Table of the effects that were tested, with status and detection limit.
 
-    The result is None if no effect was tried.
+    The result is None if no effect was tested. `block` is a diagnosis, as `block_of` returns it.
     """
     candidates = ranked(block)
     tried = [c for c in candidates if c["status"] not in UNTRIED]
@@ -169,7 +186,10 @@ def ranking_table(block):
 
 
 def constants_text(constants):
-    """Return the constants of an effect's variant, such as order or time constant, in words."""
+    """Return the constants of an effect, such as order or time constant, as text.
+
+    `constants` is a dict by name.
+    """
     parts = []
     for name, value in constants.items():
         if name == "times":

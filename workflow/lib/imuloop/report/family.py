@@ -21,7 +21,7 @@ class Parameter:
     relative: bool  # whether the spread and the errors are relative to the value
 
     def spread(self, value):
-        """Return a spread or an error as text, without its unit."""
+        """Return a spread or a standard error as text, without its unit."""
         return (PERCENT if self.relative else self.display).size(value, 2)
 
     def value(self, value, sigma):
@@ -55,13 +55,16 @@ def family_tables(family, labels):
 
 
 def finding(family, labels):
-    """Return a sentence with the devices that stand out from a type."""
+    """Return a sentence that names the odd devices of a type; the arguments are as below.
+
+    See `family_tables`.
+    """
     names = [*dict.fromkeys(labels[odd["device"]] for odd in family["odd"])]
     return phrase("family", found=family, names=names)
 
 
 def spread_table(family):
-    """Return the table of mean and spread of each parameter that devices share."""
+    """Return the Table of the mean and the spread of each parameter; see `family_tables`."""
     rows = []
     for name, parameter in parameters().items():
         if one := family["parameters"].get(name):
@@ -87,7 +90,7 @@ def spread_table(family):
 
 
 def odd_table(family, labels):
-    """Return the table of the devices that stand out, with their values."""
+    """Return the Table of the odd devices, with their values; see `family_tables`."""
     by_name, rows = parameters(), []
     for odd in family["odd"]:
         parameter, one = by_name[odd["parameter"]], family["parameters"][odd["parameter"]]
@@ -106,7 +109,10 @@ def odd_table(family, labels):
 
 
 def effect_table(family):
-    """Return the table of effects that some device has, or that all devices together show."""
+    """Return the Table of effects that a device has, or that all together show.
+
+    An effect is shown by all together if its p-value in family.json is below the significance.
+    """
     rows = [
         (
             effect_words(e),

@@ -44,15 +44,21 @@ QUOTED = {
 
 
 def block_of(diagnosis, sensor, part):
-    """Return the diagnosis of a sensor in one kind of data, with its findings.
+    """Return the diagnosis of a sensor in one kind of data, with its findings, a dict.
 
-    The result is the content of diagnosis.json plus these keys: ``sensor`` and ``part``, the
-    arguments; ``words``, the effects in words; ``left``, the name of the residual farthest above
-    its floor; ``quoted``, the name of the residual that fell most, or ``left`` without effects;
-    ``lacking``, reduced χ² and name of the residual with the largest reduced χ² above 1;
-    ``too_quiet``, name, reduced χ² and p-value of a residual far below its noise; ``undersampled``,
-    the error that too low a sampling rate adds; ``tried``, whether effects were rejected, and the
-    best of them; ``elsewhere``, candidates that were added by other data.
+    `diagnosis` is the content of diagnosis.json, `sensor` the name of a sensor or `BOTH`, and
+    `part` the kind of data, such as ``poses``. The result is the part of diagnosis.json on this
+    kind of data plus these keys:
+
+    - ``sensor``, ``part``: the arguments;
+    - ``words``: the effects in words;
+    - ``left``: name of the residual farthest above its floor;
+    - ``quoted``: name of the residual that the effects lowered most; without effects, ``left``;
+    - ``lacking``: the largest reduced χ² above 1 and the name of its residual, or None;
+    - ``too_quiet``: the result of `too_quiet`;
+    - ``undersampled``: the error that too low a sampling rate adds;
+    - ``tried``: the result of `_tried`, None unless the verdict is ``unexplained``;
+    - ``elsewhere``: candidates that other data added to the model.
     """
     if sensor == BOTH:
         block = _of_both(*(block_of(diagnosis, name, part) for name in SENSORS))
@@ -77,7 +83,10 @@ def block_of(diagnosis, sensor, part):
 
 
 def blocks(diagnosis):
-    """Return the diagnosis of every sensor and kind of data, each with its findings."""
+    """Return the diagnosis of each sensor in each kind of data, a list of results of `block_of`.
+
+    `diagnosis` is the content of diagnosis.json.
+    """
     sensors = diagnosis.get("sensors", {})
     places = [(sensor, part) for sensor in SENSORS for part in ("poses", "static_record")]
     places.append((BOTH, "motion"))
@@ -91,7 +100,11 @@ def tested(diagnoses):
 
 
 def _of_both(force, turn):
-    """Return the diagnosis of both sensors in motion, which have the residuals in common."""
+    """Return the diagnosis of both sensors together in motion.
+
+    `force` and `turn` are the diagnoses of the accelerometer and of the gyroscope, which have the
+    same residuals.
+    """
     effects, candidates = ([*force[key], *turn[key]] for key in ("effects", "candidates"))
     # a candidate of one sensor is also in the list of the other, with the status not_available
     by_name = {c["name"]: c for c in reversed(candidates)}
@@ -107,8 +120,8 @@ def residual_names(block):
 def _largest(block, sizes):
     """Return the name of the residual with the largest ratio of its size to its floor, or None.
 
-    `sizes` is a dict by name of the residual, in the unit of the floors. If the record lacks
-    residuals, the result is None.
+    `sizes` is a dict by name of the residual, in the unit of its floor. The result is None if the
+    diagnosis `block` has no residuals.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
@@ -116,7 +129,10 @@ def _largest(block, sizes):
 
 
 def too_quiet(block):
-    """Return name, reduced χ² and p-value of the first residual far below its noise, or None."""
+    """Return name, reduced χ² and p-value of the first residual far below its noise, or None.
+
+    It is far below if its reduced χ² is less than `FAR_BELOW` with a p-value below `UNLIKELY`.
+    """
     for name, r in block["residuals"].items():
         chi2 = r["chi2_before"]
         if chi2 is not None and chi2 < FAR_BELOW:
@@ -128,10 +144,10 @@ def too_quiet(block):
 
 
 def _tried(block):
-    """Return a dict: ``any``, whether an effect was rejected, and ``best``, the most helpful one.
+    """Return whether effects were rejected, ``any``, and the best of them, ``best``, a dict.
 
-    ``best`` is None if no rejected effect lowers the held-out error to less than the share
-    `WORTH_A_WORD` of its size without the effect.
+    The best is the candidate that lowers the held-out error to the smallest share. It is None if no
+    rejected effect lowers it to `WORTH_A_WORD` of its size or less.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -149,10 +165,11 @@ def rank(verdict):
 
 
 def answers(diagnoses):
-    """Return a line for each sensor and kind of data that matters: place, verdict, words.
+    """Return the verdicts that a user is told, a list of (place, verdict, words).
 
-    The first lines are of each sensor's poses, or of its static record if only that was tested.
-    Lines of other data follow if an effect was found in them or something is missing.
+    The place is the sensor and the kind of data, in words. The first two are the verdicts on the
+    poses of each sensor, or on its static record if only that was tested. The verdicts on other
+    data follow, but for ``consistent`` and ``not_testable``. `diagnoses` are the `blocks`.
     """
     said, with_verdict = [], tested(diagnoses)
     for sensor in SENSORS:
@@ -167,16 +184,16 @@ def answers(diagnoses):
 
 
 def grouped(summaries):
-    """Return pairs of answers and the devices that share them, the worst news first.
+    """Return pairs of the answers and the summaries of all devices with these, the worst first.
 
-    `summaries` are the contents of summary.json.
+    `summaries` are the contents of summary.json of the devices.
     """
     groups = {}
     for s in summaries:
         groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
 
     def order(group):
-        """Return the key by which groups are sorted: worst verdict, then size."""
+        """Return the key by which groups are sorted: worst verdict, then number of devices."""
         said, devices = group
         return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(devices)]
 
@@ -231,16 +248,15 @@ def fall(error):
 
 
 def told(loop):
-    """Return the errors that the effects lowered by `WORTH_SAYING`, or else the first one."""
+    """Return the errors of `loop_errors` that fell by the factor `WORTH_SAYING`, or the first."""
     return [error for error in loop if fall(error) >= WORTH_SAYING] or loop[:1]
 
 
 def headline(summaries):
     """Return the main finding of all devices, a sentence.
 
-    `summaries` are the contents of summary.json of the devices.
-
-    It is the largest fall of an error, or the worst verdict if no error fell by `WORTH_SAYING`.
+    It is the largest fall of an error by the correction of effects, or the worst verdict if no
+    error fell by the factor `WORTH_SAYING`. `summaries` are the contents of summary.json.
     """
     falls = [(fall(e), e, s) for s in summaries for e in s["loop"] if e["effects"]]
     factor, error, summary = max(falls, key=itemgetter(0), default=(0, None, None))
@@ -260,10 +276,10 @@ def headline(summaries):
 
 
 def residual_text(residual, key, digits=3):
-    """Return a number of a residual as text with its unit: ``before``, ``after`` or ``floor``."""
+    """Return the number `key` of a residual, such as ``after`` or ``floor``, as text with unit."""
     return data_sheet(residual["unit"]).text(residual[key], digits)
 
 
 def record_title(block):
-    """Return the sensor and the kind of data as a heading."""
+    """Return the heading of a diagnosis: its sensor and its kind of data."""
     return f"{block['sensor'].capitalize()}, {RECORDS[block['part']]}"

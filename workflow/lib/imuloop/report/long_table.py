@@ -1,4 +1,4 @@
-"""The long table of a device: a row per number. Tables and comparisons are made from it."""
+"""All numbers of a device as one long table, from which tables and comparisons are made."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -29,11 +29,14 @@ SI = {
 
 @dataclass(frozen=True)
 class Value:
-    """A number of a device, SI.
+    """A number of a device, SI: a row of the long table.
 
-    The stage of a parameter is the method of its calibration; the stage of a noise coefficient is
-    ``logged``, or ``before`` and ``after`` the correction of effects; the stage of a held-out
-    residual is ``after`` or ``floor``; the stage of a tolerance before the fit is ``prior``.
+    The `stage` is
+
+    - the method of the calibration for a parameter;
+    - ``logged``, or ``before`` and ``after`` the correction of effects, for a noise coefficient;
+    - ``after`` or ``floor`` for a held-out error;
+    - ``prior`` for a tolerance before the fit.
     """
 
     sensor: str
@@ -80,9 +83,10 @@ def calibration_values(calibrations):
 
 
 def prior_values(device, sensor):
-    """Return a `Value` for each tolerance before the fit, and for the data sheet's white noise.
+    """Return a `Value` for the tolerance of each parameter before the fit, and the white noise.
 
-    The value is 1 σ about the nominal one; the stage is ``prior``.
+    The stage is ``prior``. A tolerance is the standard deviation of the parameter by its prior. The
+    white noise is given if the data sheet states one.
     """
     rows, final = [], getattr(device.calibrations["final"], sensor)
     for parameter, (quantity, axis) in PARAMETERS.items():
@@ -96,7 +100,10 @@ def prior_values(device, sensor):
 
 
 def noise_values(device):
-    """Return a `Value` for each noise coefficient: as logged, before and after a correction."""
+    """Return the `Value` of each noise coefficient: as logged, before and after the correction.
+
+    The correction subtracts the effects from static records.
+    """
     rows = []
     for sensor in SENSORS:
         stages = {"logged": of_axes(device.axes, sensor)}
@@ -116,10 +123,10 @@ def noise_values(device):
 
 
 def residual_values(device):
-    """Return a `Value` for the held-out residuals of poses, and for their floors.
+    """Return the `Value` of the held-out errors of poses, and of their floors.
 
-    The quantity ``residual`` is of the same kind for all devices; ``quoted`` is of the kind that
-    the verdict quotes.
+    The quantity ``residual`` is the error of the same kind for all devices. The quantity ``quoted``
+    is the error of the kind that the verdict quotes.
     """
     rows = []
     for sensor in SENSORS:
@@ -141,7 +148,10 @@ def select(rows, **keys):
 
 
 def worst(rows):
-    """Return the row with the largest value and a row with a limit above it; None if absent."""
+    """Return the row with the largest value, and the largest upper limit above it, or None each.
+
+    `rows` are the `Value` of a quantity on several axes.
+    """
     values = [row for row in rows if not missing(row.value)]
     limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]
     largest = max(values, key=lambda row: abs(row.value), default=None)

@@ -14,7 +14,7 @@ def missing(value):
 
 
 def _exponent(value):
-    """Return the decimal exponent of a number, 0 for zero."""
+    """Return the decimal exponent of a number, 3 for 2500; 0 for zero."""
     return math.floor(math.log10(abs(value))) if value else 0
 
 
@@ -37,7 +37,7 @@ def superscript(exponent):
 
 
 def _tens(exponent):
-    """Return a power of ten as the end of a number."""
+    """Return the text of a power of ten that follows a number: × 10³."""
     return f"\u202f×\u202f10{superscript(exponent)}"
 
 
@@ -91,7 +91,7 @@ def p_text(p):
 
 
 def percent(share):
-    """Return a share in per cent as text; a share just below 1 gives > 99 %."""
+    """Return a share in per cent as text; a share below 1 that rounds to 100 % gives > 99 %."""
     if missing(share):
         return NO_NUMBER
     text = number(share * 1e2, 2)
@@ -99,7 +99,7 @@ def percent(share):
 
 
 def duration(seconds, digits=3):
-    """Return a duration in s, min or h."""
+    """Return a duration as text in s, min or h."""
     if missing(seconds):
         return NO_NUMBER
     for unit, size in (("h", HOUR), ("min", 60.0)):
@@ -127,7 +127,7 @@ def coefficient_text(coefficient, factor=1.0):
 
 
 def interval_text(interval, factor=1.0):
-    """Return an interval as text, ``low to high``, with two digits of its width."""
+    """Return an interval times `factor` as text, ``low to high``, to two digits of its width."""
     if not interval or any(map(missing, interval)):
         return NO_NUMBER
     low, high = (end * factor for end in interval)

@@ -59,7 +59,7 @@ def shown(value, unit, digits=3):
 
 
 def valued(text):
-    """Return the text of a cell in which the standard error, limit or tolerance is grey."""
+    """Return the text of a cell as HTML in which its standard error, limit or tolerance is grey."""
     if text.startswith(("<\u202f", "±")):
         return Markup("<small>{}</small>").format(text)
     value, sign, error = text.partition("\u202f±")
@@ -67,7 +67,7 @@ def valued(text):
 
 
 def phrase(code, **values):
-    """Return the text of a finding: the macro `code` of ``phrases.j2``, given its numbers."""
+    """Return a sentence of the report: the macro `code` of ``phrases.j2`` with these `values`."""
     macro = getattr(environment(escape=False).get_template("phrases.j2").module, code)
     text = re.sub("[ \n]+", " ", macro(**values))
     return re.sub(" ([.,;:?)])", r"\1", text).strip()
@@ -79,7 +79,7 @@ def sentence(text):
 
 
 def write(path, template, **values):
-    """Write a page from a template."""
+    """Write an HTML file: the template `template`, filled with `values`."""
     html = environment(escape=True).get_template(template).render(**values)
     with replaced(path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")

@@ -23,7 +23,7 @@ KINDS = (*OF_DEVICE, *OF_SESSION, *OF_RECORD)
 
 
 def pictures(device, kind):
-    """Return the `Picture` objects of one of `KINDS`, of a device that the report has read."""
+    """Return the Pictures of a DeviceResults of one kind, a list; `kind` is one of `KINDS`."""
     if kind in OF_DEVICE:
         return OF_DEVICE[kind](device)
     if kind in OF_SESSION:

@@ -1,4 +1,4 @@
-"""The origin of a report: commit, command, versions, resolved config."""
+"""The origin of a report: the data by which it can be made again."""
 
 import platform
 import subprocess

@@ -111,7 +111,7 @@ def axes_of(content):
 
 
 def of_axes(values, sensor):
-    """Return axis and value of each channel of a sensor."""
+    """Return (axis, value) for each channel of a sensor, a list; `values` are by channel."""
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
@@ -135,7 +135,10 @@ def read_device(device):
 
 
 def _session(folder, kind, spectra):
-    """Return the `SessionResults` of a folder; `spectra` are those of all sessions."""
+    """Return the SessionResults of the session in a folder, a Path.
+
+    `kind` is the kind of the session, and `spectra` the content of spectra.parquet, all sessions.
+    """
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
     return SessionResults(
         folder.name,

@@ -46,7 +46,7 @@ def write_section(device):
 
 
 def _inside(values):
-    """Return all pictures in values, which may be nested dicts and lists."""
+    """Return all Pictures in nested dicts and lists, a list."""
     if isinstance(values, Picture):
         return [values]
     parts = values.values() if isinstance(values, dict) else values
@@ -54,7 +54,10 @@ def _inside(values):
 
 
 def content(device):
-    """Return the values of the section's template."""
+    """Return the values of the template of a device's section, a dict.
+
+    `device` is the DeviceResults.
+    """
     final = device.calibrations["final"]
 
     def of_sensors(make):
@@ -92,7 +95,10 @@ def content(device):
 
 
 def diagnosis_part(device, block):
-    """Return the values of the template for the diagnosis of a sensor in one kind of data."""
+    """Return the values of the template for one diagnosis, a dict.
+
+    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it.
+    """
     tables = [effect_tables.steps_table(block)]
     tables += [effect_tables.effect_table(block, effect) for effect in block["effects"]]
     if block["part"] == "reference":

@@ -9,9 +9,10 @@ from imuloop.report.numbers import (
 
 
 class Sized(str):
-    """Text of a cell with the number that its column is sorted by, or None.
+    """The text of a cell, with the number by which its column is sorted, `value`, or None.
 
-    A cell of a matrix has the `share` of the largest cell, −1 to 1, which is its colour.
+    A cell of a matrix also has a `share`: its value over the largest magnitude, −1 to 1. The page
+    colours the cell by it.
     """
 
     def __new__(cls, text, value, share=None):

@@ -31,7 +31,10 @@ OVER = 60.0
 
 
 def parameter_table(device, sensor):
-    """Return a sensor's table of bias and scale factor, a column per method; None if none was."""
+    """Return the Table of bias and scale factors of a sensor, a column per calibration method.
+
+    `device` is the DeviceResults. The result is None if no method estimated a parameter.
+    """
     # a method that estimated nothing has no column; the page says why above the table
     methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
     if not methods:
@@ -86,17 +89,16 @@ def misalignment_table(device, sensor):
 
 
 def _equal(one, other):
-    """Return whether two calibrations have the same parameters, so that one column shows both."""
+    """Return whether two SensorCalibrations have the same method and parameters."""
     pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
     return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def wander(noise, interval, length):
-    """Return the standard deviation of the change of the bias between two times, SI.
+    """Return the standard deviation of the change of the bias over `interval` seconds, SI.
 
-    The bias at a time is a mean of the output over `length` s from that time on; `interval`, s, is
-    the time between the two. `noise` is an AxisNoise, of which only flicker, random walk and
-    Gauss-Markov processes count.
+    The bias at a time is the mean of the output over `length` s from this time on. `noise` is an
+    AxisNoise, of which only flicker, random walk and Gauss-Markov processes count.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -117,10 +119,10 @@ def _after_an_hour(device, sensor):
 
 
 def reasons(device):
-    """Return the reasons why parts of the calibration are missing: (method, sensor, reason).
+    """Return the reasons for missing calibrations, a list of (method, sensor, reason).
 
-    A reason is left out if a verdict gives it, or if it belongs to the final calibration and an
-    earlier method gives it too.
+    `device` is the DeviceResults. A reason that a verdict already gives is left out. A reason of
+    the final calibration is also left out if another method already gives it.
     """
     told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
     lines = {}

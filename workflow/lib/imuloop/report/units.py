@@ -1,4 +1,4 @@
-"""The units that people think in, and how many of each an SI unit is."""
+"""The units in which the report shows quantities, and their factors from SI."""
 
 from dataclasses import dataclass
 
@@ -89,14 +89,15 @@ QUANTITIES = {
 
 
 def data_sheet(unit):
-    """Return the unit to show values in, given their SI unit."""
+    """Return the Display of values with an SI unit: the unit of data sheets, or the SI unit."""
     return _DATA_SHEET.get(unit) or Display(typeset(unit or "SI"), 1.0)
 
 
 def spans(values, units):
-    """Return the least and the greatest of values that share a unit, as texts of two digits.
+    """Return for each unit a text with the least and the greatest of its values, a list.
 
-    `values` are in SI by name, `units` their SI units by the same names.
+    `values` are SI values by name, and `units` their SI units by the same names. Numbers have two
+    digits.
     """
     by_unit = {}
     for name, value in values.items():

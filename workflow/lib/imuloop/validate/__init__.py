@@ -1,1 +1,1 @@
-"""Validation of a calibration: held-out attitude, and drift in a new log."""
+"""Validation of a calibration: error of the attitude in held-out data, and drift in a new log."""

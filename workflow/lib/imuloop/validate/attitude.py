@@ -1,4 +1,8 @@
-"""Validation: the error of gravity's direction on stretches that no model has seen."""
+"""Validation: the error of gravity's direction on stretches of a log that no model was fitted to.
+
+A stretch goes from a rest, through moves and rests, to a rest. A block is a group of consecutive
+poses that are held out together. The models are ``raw``, ``base`` and ``final``.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -31,12 +35,12 @@ COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 
 
 def validate_attitude(device, diagnosed, settings):
-    """Compare models of a device by the error of gravity's direction on held-out stretches.
+    """Return the errors of gravity's direction on held-out stretches, by the models of a device.
 
-    The direction of gravity at a rest is the mean specific force, calibrated by the final model
-    that did not see this rest. All models are compared with this direction. Two methods carry the
-    direction along a stretch: the gyroscope alone, which starts from it, and a filter, which starts
-    from the accelerometer as each model calibrates it.
+    The true direction of gravity at a rest is taken as the mean specific force, calibrated by the
+    final model that was fitted without this rest. Two methods predict the direction at the rests of
+    a stretch: the gyroscope alone, from the true direction at the rest before, and a filter, from
+    the specific force and the angular rate that each model calibrates.
 
     Parameters
     ----------
@@ -45,14 +49,14 @@ def validate_attitude(device, diagnosed, settings):
     diagnosed : Diagnosed
         The diagnosis of the device.
     settings : DiagnoseSettings
-        Settings.
+        Settings of the diagnosis; its `folds` limits the number of blocks.
 
     Returns
     -------
     dict
         Content of attitude.json.
     DataFrame
-        Content of attitude.parquet, a row per stretch, method, model and time.
+        Content of attitude.parquet, with the `COLUMNS`: a row per stretch, method, model and time.
     """
     recording, poses = diagnosed.recording, diagnosed.poses
     if poses.choices is None or "gyroscope" not in poses.calibrations:
@@ -77,27 +81,31 @@ def validate_attitude(device, diagnosed, settings):
 
 
 def no_attitude(device, why):
-    """Return the content of attitude.json with the reason `why`, and an empty table."""
+    """Return the content of attitude.json if nothing can be tested, and an empty attitude.parquet.
+
+    `why` is the reason, and `device` the name of the device.
+    """
     nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
     return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
 
 
 def blocks(count, settings):
-    """Return the number of the block of each of `count` poses, (count,), in order of time.
+    """Return the number of the block of each of `count` poses in order of time, (count,) of int.
 
-    All blocks have about the same number of poses.
+    The blocks have about the same number of poses. The field `folds` of `settings`, a
+    DiagnoseSettings, is the largest number of blocks.
     """
     number = min(count, settings.folds, max(FEWEST, count // BLOCK))
     return np.arange(count) * number // max(count, 1)
 
 
 def held_out_models(diagnosed, problem):
-    """Return, for each block of poses, the models of a device that do not see this block.
+    """Return, for each block of poses, the models of a device that are fitted without this block.
 
     The models are: ``raw``, the nominal scale of the data sheet; ``base``, bias, scale factors and
-    misalignments; ``final``, with effects too. The final model is the base model if no effect was
-    added. Effects are searched only if all poses together show one. If the poses do not determine
-    the accelerometer, its calibration is that of the diagnosis.
+    misalignments; ``final``, these and effects. The final model is the base model if no effect was
+    added. Effects are searched without the block, and only if the fit to all poses has one. If the
+    poses do not determine the accelerometer, its calibration is the one of the diagnosis.
 
     Parameters
     ----------
@@ -120,7 +128,7 @@ def held_out_models(diagnosed, problem):
         base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
-        """Return the Calibration by a fit, with effects, to the poses outside blocks `held_out`."""
+        """Return the Calibration with `effects` by a fit to the poses outside blocks `held_out`."""
         return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
     # the choice of effects by all poses, and the choices by the poses outside each block
@@ -137,12 +145,12 @@ def held_out_models(diagnosed, problem):
 
 
 def _errors(recording, block, models, names):
-    """Return the errors of gravity's direction, deg, a row per stretch, method, model and rest.
+    """Return the errors of gravity's direction, a row per stretch, method, model, rest and moment.
 
-    A stretch goes from rest to rest within a block of poses that the models do not see. The result
-    is a DataFrame with the `COLUMNS`. `block` is the number of the block of each pose, (n,), and
-    `names` are the names of the sessions. `models` has, for each block, the Calibrations by name
-    that do not see its poses.
+    The result is a DataFrame with the `COLUMNS`. A stretch lies within one block, and the models
+    were fitted without this block. `block` is the number of the block of
+    each of the n poses of the Recording, (n,). `models` has for each block a dict of Calibration
+    by the name of the model. `names` are the names of the sessions.
     """
     tables, calibrated_log = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -190,9 +198,10 @@ def _errors(recording, block, models, names):
 
 
 def _summary(rows):
-    """Return the content of attitude.json on a method, a dict: errors at the end of each move.
+    """Return the content of attitude.json on a method, a dict: root mean squares and their ratio.
 
-    `rows` is the table of the errors of the method.
+    It is about the errors at the end of each move. `rows` are the rows of attitude.parquet with the
+    method.
     """
     rows = rows[rows["at"] == "arrival"]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
@@ -214,9 +223,9 @@ def _summary(rows):
 
 
 def _rotation_floor(problem, solution):
-    """Return the root mean square held-out error of a rotation that noise alone causes, deg.
+    """Return the root mean square of the held-out errors of rotations if there is only noise, deg.
 
-    `problem` is the PoseProblem with the folds, and `solution` the Fit of all poses.
+    `problem` is the PoseProblem whose folds are the blocks, and `solution` the Fit of all poses.
     """
     linearised = problem.joint_fit.linearise(solution, problem.recording)
     noise = linearised.noise.by(problem.joint_fit.noise)
@@ -233,22 +242,23 @@ def _rotation_floor(problem, solution):
 class Stretch:
     """A stretch of a log from a rest, through rotations and rests, to a rest.
 
-    The indices `arrive` and `leave` are counted from the first sample of the stretch.
+    It has p poses and k samples.
     """
 
     poses: np.ndarray  # (p,): indices of its poses
     t: np.ndarray  # (k,): time of its samples, s
     piece: slice  # its samples in the log
-    arrive: np.ndarray  # (p,): first sample of each pose
-    leave: np.ndarray  # (p,): last sample of each pose
+    arrive: np.ndarray  # (p,): first sample of each pose, counted from the start of the stretch
+    leave: np.ndarray  # (p,): last sample of each pose, counted from the start of the stretch
 
 
 def stretches(recording, block):
-    """Return the longest stretches whose moves follow each other within a block, a list in order.
+    """Return the Stretches of a Recording, a list in order of time.
 
-    A move belongs to the block of the pose that it starts from. The first and the last rest of a
-    stretch count for `SETTLE` seconds at most. Takes the Recording and the number of the block of
-    each pose, (n,).
+    A stretch is as long as possible: its moves follow each other without a break and belong to one
+    block. A move belongs to the block of the pose that it starts from. The first and the last rest
+    of a stretch are cut to `SETTLE` seconds. `block` is the number of the block of each of the n
+    poses, (n,).
     """
     # poses from which a move starts; a move follows another if it starts where the other ends
     first, poses, result = recording.rotations.first, recording.poses, []
@@ -268,31 +278,32 @@ def stretches(recording, block):
 
 
 def angle(a, b):
-    """Return the angle between the vectors a and b, (..., 3), rad, (...)."""
+    """Return the angles between vectors a and b, (..., 3) each, rad, (...)."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
 
 
 def rotation_errors(turns, f, stretch, u):
-    """Return the error of gravity's direction that the gyroscope alone carries to the next rest.
+    """Return the error of gravity's direction at each rest, predicted by the gyroscope alone.
 
-    The last sample of a rest is at t₀, and the first sample of the next rest at t. The gyroscope
-    carries the direction u(t₀) to ``u(t) = C(t)ᵀ C(t₀) u(t₀)``, where the attitude C rotates from
-    body axes to those at the start of the stretch.
+    The prediction starts from the direction u(t₀) at the last sample of the rest before, and ends
+    at the first sample t of the rest: ``u(t) = C(t)ᵀ C(t₀) u(t₀)``. The attitude C rotates from
+    body axes to the body axes at the start of the stretch.
 
     Parameters
     ----------
     turns : ndarray, shape (k - 1, 3)
         Rotation vector of each step between the k samples of the stretch, rad.
     f : ndarray, shape (k, 3)
-        Specific force, m/s^2. It is not used; a filter needs it in its place.
+        Specific force, m/s^2. It is not used here; all `METHODS` have the same arguments.
     stretch : Stretch
+        The stretch, with p poses and k samples.
     u : ndarray, shape (p, 3)
-        Direction of gravity at the p rests.
+        Direction of gravity in each pose on body axes, unit vectors.
 
     Returns
     -------
     ndarray, shape (p - 1, 1)
-        Angles between the carried direction and u at each rest but the first, rad.
+        Angle between the predicted direction and u at each rest but the first, rad.
     """
     C = matrix(np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))]))
     leave, arrive = C[stretch.leave[:-1]], C[stretch.arrive[1:]]
@@ -301,13 +312,12 @@ def rotation_errors(turns, f, stretch, u):
 
 
 def filter_errors(turns, f, stretch, u):
-    """Return the error of gravity's direction by the filter VQF, as its users run it.
+    """Return the error of gravity's direction at each rest by the filter VQF, rad, (p - 1, 2).
 
-    The filter has no magnetometer, and its parameters have their defaults, so it also estimates the
-    bias of the gyroscope. Takes the rotation vector of each step, `turns`, rad, (k - 1, 3), the
-    specific force `f`, m/s^2, (k, 3), the Stretch, and the direction of gravity `u` at the p rests,
-    (p, 3). Returns the angle between u and the direction by the filter, rad, (p - 1, 2): at the
-    first and the last sample of each rest but the first.
+    The errors are angles between the direction by the filter and `u`, at the first and at the last
+    sample of each rest but the first. The filter runs over the whole stretch without a magnetometer
+    and with its default parameters, so it also estimates the bias of the gyroscope. The arguments
+    are as in `rotation_errors`.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Has a device drifted? The parameters of a calibration tested on a new log."""
+"""Test whether a device has drifted: whether its calibration still holds in a new log."""
 
 from dataclasses import asdict, dataclass
 
@@ -19,26 +19,26 @@ COLUMNS = ("change", "measured_std", "std", "sigmas", "p_value", "p_holm")
 
 @dataclass(frozen=True)
 class Change:
-    """The change of one parameter, new value minus old value.
+    """The change of one parameter, new value minus old value, and the test of it.
 
     Attributes
     ----------
     name : str
-        Name of the parameter, as in the covariance of the calibration. It is ``b along (x, y, z)``,
-        a direction on the sensor axes, if the log shows the bias along this direction only.
+        Name of the parameter, such as ``K0``. It is ``b along (x, y, z)``, a direction on the axes
+        of the sensor, if the log shows the bias along this direction only.
     unit : str
-        SI unit of `change`, `measured_std` and `std`, which are relative for a scale factor.
+        SI unit of `change`, `measured_std` and `std`. The change of a scale factor is relative.
     change, sigmas : float
         The change, and its ratio to `std`.
     measured_std : float
         Standard error of the change by the errors of the old calibration and of the new log.
     std : float
-        Standard error that also includes the scatter of a bias between power cycles.
+        Standard error of the change that also includes the scatter of a bias between power cycles.
     p_value, p_holm : float
-        Probability of such a change without a drift, for this parameter by itself, and adjusted by
-        Holm's method for all parameters that are tested.
+        Probability that a device without drift shows a change of at least this size in this
+        parameter, and the same adjusted by Holm's method for all tested parameters.
     drifted : bool
-        Whether `p_holm` is below the level.
+        Whether `p_holm` is below the level of the test, half the `level` of `check_drift`.
     """
 
     name: str
@@ -59,12 +59,12 @@ class Change:
 
 @dataclass(frozen=True)
 class SensorDrift:
-    """The test of one sensor.
+    """The drift test of one sensor.
 
     Attributes
     ----------
     drifted : bool or None
-        Whether the sensor has drifted; None if nothing could be tested.
+        Whether the sensor has drifted; None if no parameter could be tested.
     changes : tuple of Change
         The changes that were tested, the smallest p-value first.
     untested, why : tuple of str, str or None
@@ -73,10 +73,10 @@ class SensorDrift:
         The joint χ² test of all changes: χ², its degrees of freedom, and the p-value, adjusted by
         Holm's method for both sensors.
     residuals : dict
-        For each kind of residual, its root mean square with the old calibration, and the value that
-        noise and the errors of the calibration predict, SI.
+        For each kind of residual, the root mean square with the old calibration, and the root mean
+        square that the noise and the errors of the calibration predict, SI (`NewLog.sizes`).
     turn_on : tuple of float
-        Standard deviations of the three biases between power cycles that were allowed for, SI.
+        Standard deviations of the three biases between power cycles, as the test assumes, SI.
     """
 
     drifted: bool | None
@@ -92,10 +92,10 @@ class SensorDrift:
 
 @dataclass(frozen=True)
 class Drift:
-    """The test of a calibration on a new log.
+    """The drift test of both sensors on a new log.
 
-    `level` is the probability that a device that did not drift is said to have; `poses` and
-    `rotations` are the rests, and turns between them, that the log holds.
+    `level` is the probability of a false alarm. `poses` and `rotations` are the numbers of rests in
+    the log and of turns between them.
     """
 
     device: str
@@ -106,12 +106,12 @@ class Drift:
 
     @property
     def drifted(self):
-        """Whether anything has drifted."""
+        """Whether any sensor has drifted."""
         return any(sensor.drifted for sensor in self.sensors.values())
 
     @property
     def bias_only(self):
-        """Whether biases have drifted and no other parameter has."""
+        """Whether a bias has drifted and no other parameter has."""
         changed = [c for s in self.sensors.values() for c in s.changes if c.drifted]
         return bool(changed) and all(change.is_bias for change in changed)
 
@@ -124,36 +124,38 @@ class Drift:
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
     """Test whether the parameters of a calibration still hold in a new log.
 
-    r are the residuals of both sensors in the new log with the old parameters: ``|f| - g`` at rest,
-    the angular rate at rest, and the direction of gravity after each turn. J is their Jacobian.
-    Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of the noise
-    and C the covariance of the old parameters. The change δ of the parameters that the log
-    determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is a
-    new calibration less the old one, and the covariance of δ is the sum of the covariances of both.
-    The scatter of a bias between power cycles adds to this covariance. Two families of tests share
-    the level: each parameter by itself, and a χ² test of all parameters of a sensor together. The
-    p-values of each family are adjusted by Holm's method.
+    Let r be the residuals of both sensors in the new log with the old parameters: ``|f| - g`` at
+    rest, the angular rate at rest, and the error of gravity's direction after each turn. J is their
+    Jacobian. Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of
+    the noise and C the covariance of the old parameters. The change δ of the parameters that the
+    log determines minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ
+    is a new calibration less the old one, and the covariance of δ is the sum of both covariances.
+    The scatter of a bias between power cycles adds to this covariance.
 
-    δ is the change of each parameter while all others may change too. A fit with the old
-    calibration as prior would spread the change of one parameter over others that are correlated
-    with it.
+    Two families of tests are made, each at half the `level`. One tests each parameter by itself,
+    the other tests all parameters of a sensor together by χ². The p-values of each family are
+    adjusted by Holm's method.
+
+    δ is the change of each parameter if all others may change too. A fit with the old calibration
+    as prior would spread the change of one parameter over others that are correlated with it.
 
     Parameters
     ----------
     calibration, recording, noise : Calibration, Recording, NoiseModel
-        The old calibration; rests, and turns between them, of the new log; noise of the device.
+        The old calibration; rests of the new log and turns between them; noise of the device.
     gravity : float, optional
         Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
     level : float
         Probability of a false alarm.
     turn_on : (float, float), optional
-        Standard deviation of the bias between power cycles, m/s^2 and rad/s. By default it follows
-        from the effect `turn_on_bias` of the calibration or, without this effect, is that of data
-        sheets, `TURN_ON`.
+        Standard deviation of the bias between power cycles, m/s^2 and rad/s. By default it is the
+        estimate of the effect `turn_on_bias` of the calibration or, without this effect, the value
+        of data sheets, `TURN_ON`.
 
     Returns
     -------
     Drift
+        The tests of both sensors.
 
     Raises
     ------
@@ -192,8 +194,9 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 def _test(log, turn_on, level):
     """Return the SensorDrift of each sensor of a NewLog, a dict by name.
 
-    `turn_on` holds, by sensor, the standard deviations of the three biases between power cycles,
-    SI. `level` is the level of each family of tests: each parameter, and all of a sensor together.
+    `turn_on` has for each sensor the standard deviations of its three biases between power cycles,
+    SI. `level` is the level of each of two families of tests: each parameter by itself, and all
+    parameters of a sensor together.
     """
     # each column of the basis is a change that the log determines, as a change of all parameters
     tests = {name: log.testable(name) for name in log.factors.sensors}
@@ -237,22 +240,26 @@ def _test(log, turn_on, level):
 
 
 def _fit_changes(log, basis, turn_on):
-    """Return the changes of the parameters of a NewLog along a basis, (p, q), and their errors.
+    """Return the changes of the parameters of a NewLog along q directions, and their covariances.
 
-    The scatter of a bias between power cycles adds to the error of a change that is fitted. In the
-    covariance S of the residuals it would hide the noise, as their derivative is not quite the same
-    at the old and at the new parameters. So S has the scatter only in the directions of the
-    parameters that are not fitted.
+    The directions are the columns of `basis`, (p, q), for p parameters. `turn_on` has for each
+    sensor the standard deviations of its three biases between power cycles, SI.
+
+    Along the q directions, this scatter of the biases adds to the covariance of the changes. It is
+    not part of the covariance S of the residuals there: it would outweigh the noise, because the
+    Jacobian is not quite the same at the old and at the new parameters. In all other directions the
+    scatter is part of S.
 
     Returns
     -------
     ndarray, shape (q,)
         The changes.
-    ndarray, shape (q, q), and ndarray, shape (q, q)
-        Their covariance by the errors of the old calibration and of the new log, and the same with
-        the scatter of biases, whose standard deviations `turn_on` holds by sensor, SI, (3,) each.
+    ndarray, shape (q, q)
+        Their covariance by the errors of the old calibration and of the new log.
+    ndarray, shape (q, q)
+        Their covariance with the scatter of the biases, too.
     ndarray, shape (n, n)
-        Covariance S of the n residuals that the old parameters leave.
+        Covariance S of the n residuals with the old parameters.
     """
     old, covariance = log.prior
     variance = np.zeros(len(old.x))

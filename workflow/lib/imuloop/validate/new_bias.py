@@ -11,28 +11,31 @@ from imuloop.validate.new_log import BIASES, NewLog
 
 
 def update_biases(calibration, recording, noise, source, *, gravity=None):
-    """Replace the biases of a calibration by those that the rests of a new log show.
+    """Return a calibration whose biases are replaced by those that the rests of a new log show.
 
-    r are the residuals at rest, ``|f| - g`` or the angular rate without effects; J_b and J_p are
-    their derivatives with respect to the bias b and to all other parameters p, which are kept. The
-    new bias minimises ``rᵀ S⁻¹ r``. Here ``S = Σ + J_p C_p J_pᵀ``, where Σ is the covariance of the
-    noise of the new log and C_p the covariance of p. The covariance of the new bias is
-    ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, and the covariance of new bias and p ``-C_b J_bᵀ S⁻¹ J_p C_p``. The
-    old bias has no weight. An effect on the bias, such as `bias_temperature`, is kept as it is.
+    Let r be the residuals at rest: ``|f| - g`` of the accelerometer, or the angular rate less the
+    effects. J_b is their derivative with respect to the bias b, and J_p their derivative with
+    respect to all other parameters p, which are kept. The new bias minimises ``rᵀ S⁻¹ r`` with
+    ``S = Σ + J_p C_p J_pᵀ``, where Σ is the covariance of the noise of the new log and C_p the
+    covariance of p. The covariance of the new bias is ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, and the
+    covariance between new bias and p is ``-C_b J_bᵀ S⁻¹ J_p C_p``. The old bias has no weight. An
+    effect on the bias, such as `bias_temperature`, is kept as it is.
 
     Parameters
     ----------
     calibration, recording, noise : Calibration, Recording, NoiseModel
         The old calibration; rests of the new log, one power cycle; noise of the device.
     source : str
-        Name of the new log, for the calibration.
+        Name of the new log, which the calibration keeps as the source of its biases.
     gravity : float, optional
         Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
 
     Returns
     -------
-    Calibration, dict of str to str
-        The calibration with new biases, and by sensor the reason why a bias was kept.
+    Calibration
+        The calibration with new biases.
+    dict of str to str
+        For each sensor whose bias is kept, the reason.
 
     Raises
     ------
@@ -57,9 +60,9 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 
 
 def _new_biases(log, updated):
-    """Return the change of all p parameters, (p,), and their new covariance, (p, p).
+    """Return the change of the p parameters of a NewLog, (p,), and their new covariance, (p, p).
 
-    Only the biases of the sensors `updated` change. `log` is the NewLog with the p old parameters.
+    The change is zero but for the biases of the sensors `updated`, a list of names.
     """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]
@@ -77,8 +80,8 @@ def _new_biases(log, updated):
 def _with_bias(log, name, change, covariance):
     """Return the SensorCalibration of the sensor `name` with its new bias and covariance.
 
-    `change`, (p,), is the change of all p parameters in nominal SI, and `covariance`, (p, p), their
-    new covariance.
+    `log` is the NewLog. `change` is the change of its p parameters in nominal SI, (p,), and
+    `covariance` their new covariance, (p, p).
     """
     sensor = getattr(log.calibration, name)
     # the covariance of a calibration is in raw units

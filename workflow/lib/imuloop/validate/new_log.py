@@ -30,14 +30,16 @@ LEAST_DOF = 0.5
 
 @dataclass(frozen=True)
 class Testable:
-    """The q changes of the parameters of one sensor that a new log determines.
+    """The q directions in which a new log determines the parameters of one sensor.
+
+    A direction is a single parameter, or a direction of the bias.
 
     Attributes
     ----------
     basis : ndarray, shape (p, q)
-        Each change as a change of all p parameters.
+        The directions, a column each, as changes of the p parameters of both sensors.
     names, units : tuple of str
-        Name and SI unit of each change.
+        Name and SI unit of each direction.
     untested, why : tuple of str, str or None
         Names of the parameters that the log does not determine, and the reason.
     """
@@ -57,27 +59,27 @@ class NewLog:
     calibration : Calibration
         The old calibration of both sensors.
     recording : Recording
-        Rests, and turns between them, of power cycles that the calibration has not seen.
+        Rests of the new log and turns between them. The calibration was not fitted to them.
     noise : NoiseModel
         Noise of the device.
     gravity : float, optional
         Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
     turns : bool
-        Whether turns count. They also need estimated scale factors of both sensors; without these,
-        the direction of gravity after a turn cannot be predicted.
+        Whether turns have residuals. They have none in any case if the calibration lacks estimated
+        scale factors of a sensor, because gravity's direction after a turn is then not predicted.
 
     Attributes
     ----------
     prior : State, ndarray
         State of the old calibration, and its covariance, (p, p).
     untestable : dict of str to str
-        By sensor, why it has no residuals.
+        For each sensor without residuals, the reason.
     noise_model : NoiseModel
         The argument `noise`; the attribute `noise` is the covariance of the residuals.
     factors : Factors
         The factors that give the residuals of the sensors that are not in `untestable`.
-    kinds, owners : ndarray, shape (n,)
-        Kind of each residual, and name of the sensor that it is of, str.
+    kinds, owners : ndarray of str, shape (n,)
+        Kind of each residual, and name of the sensor that it belongs to.
     """
 
     def __init__(self, calibration, recording, noise, gravity=None, turns=True):
@@ -99,33 +101,33 @@ class NewLog:
 
     @cached_property
     def noise(self):
-        """Covariance of the n residuals by the noise, times the excess of the old fit, (n, n).
+        """Covariance of the n residuals by the noise, (n, n).
 
-        The excess is the reduced χ² that the old calibration of a sensor had, at least one.
+        It is enlarged by the reduced χ² of the old calibration of each sensor if this is above one.
         """
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.owners])
         return self.unchanged.noise.by(self.noise_model) * np.outer(size, size)
 
     @cached_property
     def unchanged(self):
-        """The Linearised factors, residuals and their Jacobian, with the old parameters."""
+        """The residuals with the old parameters and their Jacobian, Linearised."""
         return self.linearised_about(0.0)
 
     def linearised_about(self, change):
-        """Return the Linearised factors, residuals and Jacobian, at changed old parameters.
+        """Return the residuals with changed parameters and their Jacobian, Linearised.
 
-        `change` is an array of SI values, (p,), or a number for all parameters.
+        `change` is added to the p old parameters: SI values, (p,), or one number for all.
         """
         old, _ = self.prior
         x = old.x + change
         return self.factors.linearised_about(self.recording, replace(old, x=x)).at(x)
 
     def places(self, sensor, names):
-        """Return the indices of parameters of a sensor, given by name, in the state, a list."""
+        """Return the indices in the state of the parameters `names` of a sensor, a list."""
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
     def describe_data(self, sensor):
-        """Return a text with the numbers of rests, and of attitudes or turns, of a sensor."""
+        """Return a text on the data for a sensor: numbers of rests, and of attitudes or turns."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
@@ -135,13 +137,14 @@ class NewLog:
         return f"{rests} and {turns} turn(s) between them"
 
     def testable(self, sensor):
-        """Return the Testable changes of a sensor, given by its name, by its own residuals.
+        """Return the parameters of the sensor with a name that its residuals determine, a Testable.
 
-        Groups of parameters are added in order: the bias, the scale factors, the misalignments, and
+        Groups of parameters are tried in order: the bias, the scale factors, the misalignments, and
         each effect. A group is left out if the log does not determine it together with the groups
-        before; its parameters keep the values and errors of the calibration. If the log does not
-        determine the whole bias either, the changes are the directions of it that the log
-        determines.
+        chosen before. The log determines a group if the Jacobian is well conditioned
+        (`LARGEST_CONDITION`), if there are enough residuals, and, but for the first group, if the
+        standard errors are at most `WORST` times the standard errors of the calibration. If no
+        group is determined, the result has the directions of the bias that the log determines.
         """
         (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
@@ -178,20 +181,22 @@ class NewLog:
         )
 
     def fit_change(self, basis, prior):
-        """Fit the change of the old parameters along the q columns of a basis, (p, q).
+        """Return the change of the old parameters along q directions that fits the new log best.
 
-        The residuals that the old parameters leave have the covariance S, by the noise of the new
-        log and by the errors of the old parameters, whose covariance is `prior`, (p, p). The fit
-        weights them by the inverse of S. If the residuals of a sensor are larger than their noise
-        even with the new parameters, the noise of this sensor is enlarged, and the fit is repeated.
+        The directions are the columns of `basis`, (p, q). The residuals are weighted by the inverse
+        of S, their covariance with the old parameters. S has the noise of the new log and the
+        errors of the old parameters, whose covariance is `prior`, (p, p). If the χ² test of the
+        residuals of a sensor after the fit has a p-value below `MISFIT`, the noise of this sensor
+        is enlarged, and the fit is repeated.
 
         Returns
         -------
-        ndarray, shape (q,), and ndarray, shape (q, q)
-            The change and its covariance.
+        ndarray, shape (q,)
+            The change along each direction.
+        ndarray, shape (q, q)
+            Its covariance.
         ndarray, shape (n, n)
-            The covariance S of the n residuals that the old parameters leave, with the enlarged
-            noise.
+            The covariance S of the n residuals, with the enlarged noise.
         """
 
         def linearise(change):
@@ -216,9 +221,9 @@ class NewLog:
     def sizes(self, sensor, expected):
         """Return the sizes of a sensor's residuals with the old parameters, a dict by kind.
 
-        For each kind the result has the root mean square of the residuals, ``rms``, and the value
-        that the covariance `expected`, (n, n), predicts, ``floor``, both in SI, with their ``unit``
-        and the number ``n`` of residuals.
+        For each kind of residual it has a dict: ``rms``, the root mean square; ``floor``, the root
+        mean square that the covariance `expected`, (n, n), predicts; their SI ``unit``; and the
+        number ``n`` of residuals of this kind.
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
@@ -233,7 +238,8 @@ class NewLog:
 def _errors(whitened):
     """Return the standard errors of q parameters, (q,), all nan if the data do not determine them.
 
-    `whitened`, (n, q), is the derivative of residuals whose noise is independent with variance 1.
+    `whitened`, (n, q), is the Jacobian of n residuals with independent noise of variance 1. The
+    parameters count as not determined if its condition number is above `LARGEST_CONDITION`.
     """
     size = np.linalg.norm(whitened, axis=0)
     if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
@@ -242,10 +248,10 @@ def _errors(whitened):
 
 
 def _determined_directions(whitened):
-    """Return the directions of a bias that residuals determine, unit vectors, (d, 3), d ≤ 3.
+    """Return the d directions of a bias that residuals determine, unit vectors, (d, 3), d ≤ 3.
 
-    `whitened`, (n, 3), is the derivative with respect to the bias of residuals whose noise is
-    independent with variance 1. The largest component of each direction is positive.
+    `whitened`, (n, 3), is the Jacobian of n residuals with respect to the bias, scaled so that
+    their noise is independent with variance 1. The largest component of each direction is positive.
     """
     _, size, axes = np.linalg.svd(whitened)
     axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]

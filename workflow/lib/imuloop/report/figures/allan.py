@@ -17,10 +17,10 @@ VALUED = "NBK"
 
 
 def curve(allan, channel, stage="corrected"):
-    """Return the rows of a channel and a stage, sorted by averaging time.
+    """Return the Allan curve of a channel: rows of allan.parquet, sorted by averaging time.
 
-    `allan` has the rows of allan.parquet. If the stage has no rows, the rows of the stage ``raw``
-    are returned.
+    `allan` has all rows of allan.parquet, a DataFrame. `stage` is ``raw`` or ``corrected``. If this
+    stage has no rows, the rows of the stage ``raw`` are returned.
     """
     rows = allan[(allan["axis"] == channel) & (allan["adev"] > 0)]
     chosen = rows[rows["stage"] == stage]
@@ -35,8 +35,8 @@ def longest_curve_first(sessions):
 def draw_curve(area, rows, unit, **looks):
     """Draw an Allan curve with its 95 % band on the Axes `area`.
 
-    `rows` are the rows of allan.parquet, `unit` is the Display of the values, and `looks` go to
-    matplotlib.
+    `rows` is the result of `curve`, `unit` is the Display of the values, and `looks` are the
+    arguments of matplotlib for the line.
     """
     tau, ends = rows["tau_s"], (unit.factor * rows[end] for end in ("ci_low", "ci_high"))
     area.loglog(tau, unit.factor * rows["adev"], **looks)
@@ -44,10 +44,11 @@ def draw_curve(area, rows, unit, **looks):
 
 
 def draw_model(area, tau, noise, sensor, lowest):
-    """Draw the Allan deviation of an `AxisNoise` and of each of its terms over averaging times, s.
+    """Draw the Allan deviation of an `AxisNoise`, `noise`, and of each of its terms.
 
-    The letter of a term stands where the term is largest, if that is above the `lowest` level, SI;
-    the letters N, B and K are followed by their values.
+    `area` is the Axes, `tau` are averaging times in rising order, s, and `sensor` is the name of
+    the sensor. The letter of a term stands where the term is largest above the level `lowest`, SI,
+    and nowhere if it is not above it. The letters N, B and K are followed by their values.
     """
     factor = QUANTITIES[sensor]["B"].factor
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
@@ -72,12 +73,13 @@ def draw_model(area, tau, noise, sensor, lowest):
 
 
 def taken_by_filter(noise, tau):
-    r"""Return the Allan variance of white noise that a low-pass filter removes, shape (k,).
+    r"""Return the part of the Allan variance of white noise that a low-pass filter removes, (k,).
 
     .. math:: \int_0^{r/2} 4 N^2 [1 - G(f)] \frac{\sin^4 \pi f \tau}{(\tau r \sin \pi f/r)^2} df
 
-    G(f) is the power gain of the filter, N the white noise, r the sampling rate. `tau` are the
-    averaging times τ, s, (k,); the first is the sampling interval 1/r. The result is in SI².
+    G(f) is the power gain of the filter at the frequency f, N the white noise, r the sampling rate.
+    `noise` is the AxisNoise, and `tau` are the averaging times τ, s, (k,); the first is the
+    sampling interval 1/r. The result is in SI units squared.
     """
     if not noise.low_pass:
         return np.zeros(len(tau))
@@ -91,7 +93,10 @@ def taken_by_filter(noise, tau):
 
 
 def allan_pictures(device, session):
-    """Return the pictures of the Allan deviation of a session's accelerometer and gyroscope."""
+    """Return the Pictures of the Allan deviation in a session, a list: one for each sensor.
+
+    `device` is the DeviceResults, and `session` one of its SessionResults.
+    """
     name = f"{device.name}.{session.name}"
     pictures = (
         allan_picture(name, session.name, sensor, session.allan, device.axes) for sensor in SENSORS
@@ -102,8 +107,9 @@ def allan_pictures(device, session):
 def allan_picture(name, session, sensor, allan, axes):
     """Return the picture of a sensor's Allan deviation as logged; None if no value is above 0.
 
-    `name` begins the picture's name, `allan` are the rows of allan.parquet for the `session`,
-    `axes` an `AxisNoise` by channel.
+    `name` is the first part of the name of the Picture, `session` the name of the session, `sensor`
+    the name of the sensor, `allan` are the rows of allan.parquet, and `axes` is a dict of AxisNoise
+    by channel.
     """
     curves = {c: curve(allan, c, "raw") for c in SENSORS[sensor]}
     if not any(len(r) for r in curves.values()):
@@ -136,7 +142,11 @@ def allan_picture(name, session, sensor, allan, axes):
 
 
 def corrected_pictures(device, block):
-    """Return a picture for each session whose Allan deviation the added effects changed."""
+    """Return a Picture for each session whose Allan deviation the added effects changed, a list.
+
+    `device` is the DeviceResults, and `block` a diagnosis, as `block_of` returns it. The list is
+    empty if the diagnosis is not of static records.
+    """
     if block["part"] != "static_record" or not block["effects"]:
         return []
     sensor, pictures = block["sensor"], []

@@ -1,4 +1,4 @@
-"""Validation by attitude: the error of gravity's direction that a user of each model meets."""
+"""Validation by attitude: the error of gravity's direction by each model of a device."""
 
 import pandas as pd
 
@@ -11,9 +11,9 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return the result of the validation by attitude, a text, or the reason why it is missing.
+    """Return a text with the result of the validation by attitude of a DeviceResults.
 
-    The text is empty if the diagnosis already gives that reason.
+    If there is no result, it has the reason; it is empty if the diagnosis already gives the reason.
     """
     content = read_json(device.folder / "attitude.json")
     if content["status"] == "ok":
@@ -23,9 +23,9 @@ def attitude_finding(device):
 
 
 def attitude_pictures(device):
-    """Return the picture of the error of the vertical by a filter, in a list.
+    """Return the Picture of the error of gravity's direction by a filter, in a list.
 
-    The list is empty if the calibration was not validated by attitude.
+    `device` is the DeviceResults. The list is empty if there is no validation by a filter.
     """
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok" or "filter" not in content["methods"]:

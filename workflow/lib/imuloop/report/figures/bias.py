@@ -26,7 +26,10 @@ COLUMNS = ["session", "start_s", "floor", "values", "corrected"]
 
 
 def bias_pictures(device, block):
-    """Return a picture of a sensor's bias over time, with its floor, for each static record."""
+    """Return a Picture of the bias over time, with its floor, for each static record, a list.
+
+    `device` is the DeviceResults, and `block` a diagnosis, as `block_of` returns it.
+    """
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     return [
         _picture(device, name, rows, block) for name, rows in points.groupby("session", sort=False)
@@ -34,10 +37,10 @@ def bias_pictures(device, block):
 
 
 def temperatures(session, start):
-    """Return the mean temperature over each window, °C; None if it was not logged.
+    """Return the mean temperature over each of n windows, °C, (n,); None if it was not logged.
 
-    A window begins at each time in `start`, (n,), s. All windows have the same length, the median
-    of the differences of `start`.
+    `session` is the SessionResults, and `start` are the starts of the windows, s, (n,). All windows
+    have the same length, the median of the differences of `start`.
     """
     if TEMPERATURE not in session.samples or len(start) < 2:
         return None
@@ -50,9 +53,10 @@ def temperatures(session, start):
 
 
 def _picture(device, session, points, block):
-    """Return the picture of the bias over one static record.
+    """Return the Picture of the bias over one static record.
 
-    `session` is a name; `points` are the rows of diagnosis.json for this session.
+    `session` is the name of the session, and `points` has its rows of the list ``points`` in the
+    diagnosis `block`, a DataFrame.
     """
     sensor, display = block["sensor"], data_sheet(block["residuals"]["bias"]["unit"])
     t, floor = (points[k].to_numpy(float) for k in ("start_s", "floor"))
@@ -69,7 +73,7 @@ def _picture(device, session, points, block):
     warm = warmth is not None
 
     def line(area, y, colour, width=1.0, **looks):
-        """Draw a series y over time as a line through the extreme values of its parts."""
+        """Draw a series y, (n,), over time as a line through the extreme values of its parts."""
         chosen = extremes(y, BUCKETS)
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
@@ -114,7 +118,10 @@ def _picture(device, session, points, block):
 
 
 def temperature_pictures(device, block):
-    """Return the picture of bias against temperature, in a list; empty without such an effect."""
+    """Return the Picture of the bias against temperature, in a list.
+
+    It is empty if the diagnosis `block` has no effect `bias_temperature`.
+    """
     effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     if effect is None or points.empty or points["corrected"].isna().any():

@@ -12,17 +12,19 @@ TIMES = 60
 
 
 def line_style(index):
-    """Return the indices of a device's colour and dash; the pairs of 21 devices are distinct."""
+    """Return the index of the colour and of the dash of the device with the number `index`.
+
+    The pairs of 21 devices are distinct.
+    """
     return index % len(PALETTE), index % len(DASHES)
 
 
 def allan_comparison(summaries, together):
     """Return six pictures, one per axis: the Allan deviation of all devices.
 
-    `summaries` are the contents of summary.json of the devices.
-
-    If `together` is true, a picture has a line per device; otherwise it has the median and the 5–95
-    % band of all devices.
+    `summaries` are the contents of summary.json of the devices. If `together` is true, a picture
+    has a line per device. Otherwise it has the median of all devices and the band from the 5th to
+    the 95th percentile.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -42,7 +44,11 @@ def allan_comparison(summaries, together):
 
 
 def _lines(sensor, curves):
-    """Return caption, plot and numbers of a line per device."""
+    """Return the caption, the function `plot` and the numbers of a Picture with a line per device.
+
+    `sensor` is the name of the sensor, and `curves` has (number, label, averaging times in s, Allan
+    deviations in SI) of each device.
+    """
 
     def plot(area):
         """Draw a line per device."""
@@ -61,7 +67,7 @@ def _lines(sensor, curves):
 
 
 def _band(sensor, curves):
-    """Return caption, plot and numbers of the median and the 5–95 % band of all devices."""
+    """Return caption, `plot` and numbers, as `_lines`, for the median and the 5–95 % band."""
     # averaging times at which at least half of the devices have a value
     ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
     common = float(np.clip(1.0, *ends))

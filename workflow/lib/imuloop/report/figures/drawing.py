@@ -72,9 +72,9 @@ SMALL, BESIDE, WIDE = (356, 250), (560, 240), 600
 class Picture:
     """A picture of the report, drawn when it is needed.
 
-    `name` is unique in the report, and the ids in the drawing are made from it. Readers who cannot
-    see the picture are told `kind` and `caption`. `plot` draws on a matplotlib `Axes`, or on a list
-    of them, row by row; the key lists the lines that have labels.
+    `name` is unique in the report: DEVICE.NAME. The ids in the drawing are made from it. `kind` and
+    `caption` are its text for readers who cannot see it. `plot` is a function that draws on a
+    matplotlib `Axes`, or on a list of them, row by row. The key lists the lines that have labels.
     """
 
     name: str
@@ -83,8 +83,8 @@ class Picture:
     plot: Callable
     numbers: Mapping = field(default_factory=dict)  # columns of the CSV file
     size: tuple = SMALL  # px
-    columns: tuple = (1,)  # relative widths of the areas, which share their limits
-    rows: tuple = (1,)  # relative heights
+    columns: tuple = (1,)  # relative widths of the columns of Axes
+    rows: tuple = (1,)  # relative heights of the rows of Axes
     file: str = ""  # name of the CSV file without .csv, if it is not the name of the picture
 
     @property
@@ -151,7 +151,7 @@ class Picture:
         return Markup(svg)
 
     def write_svg(self, folder):
-        """Write the picture as SVG on a white ground into a folder, and return the path."""
+        """Write the picture as SVG on white into a folder, a Path, and return its path."""
         text = self.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
         path = folder / f"{self.stem}.svg"
         with replaced(path) as temporary:
@@ -159,7 +159,10 @@ class Picture:
         return path
 
     def write(self, folder):
-        """Write the picture and its numbers; None and not-a-number are empty in the CSV file."""
+        """Write the picture as SVG and its `numbers` as CSV into a folder, a Path.
+
+        None and not-a-number are empty in the CSV file.
+        """
         self.write_svg(folder)
         columns = {k: pa.array(np.asarray(v), from_pandas=True) for k, v in self.numbers.items()}
         with replaced(folder / self.csv) as temporary:
@@ -173,7 +176,7 @@ def _rounded(attribute):
 
 
 def fill(area, x, low, high, colour, alpha=0.2):
-    """Fill the area between two curves."""
+    """Fill the area between the curves `low` and `high` over x, (n,) each, on the Axes `area`."""
     area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
 
 

@@ -35,12 +35,13 @@ BEYOND = 1.6
 
 
 def loop_errors(device, diagnoses):
-    """Return the held-out errors of a device that a user notices, the most visible one first.
+    """Return the errors of a device as logged, calibrated and with effects corrected, a list.
 
-    `diagnoses` are the `blocks` of the device. For each of them, the errors are the residual that
-    its verdict quotes and the residual that a user notices first. An error is a dict of ``what``,
-    ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root mean squares, None if
-    absent) and ``effects``.
+    `device` is the DeviceResults, and `diagnoses` are its `blocks`. Each of these gives up to two
+    errors: the residual that its verdict quotes, and the residual that a user notices first. The
+    list is in the order of `RECORDS`. An error is a dict: its words ``what``, its SI ``unit``, the
+    root mean squares ``logged``, ``calibrated``, ``final`` and ``floor``, SI, None if absent, and
+    the ``effects`` in words. ``calibrated`` and ``final`` are held-out errors.
     """
     errors = []
     for block in sorted(diagnoses, key=lambda b: RECORDS.index((b["sensor"], b["part"]))):
@@ -62,30 +63,33 @@ def loop_errors(device, diagnoses):
 
 
 def _as_logged(device, name):
-    """Return the root mean square, SI, that a residual has as logged; None if unknown."""
+    """Return the root mean square of the residual `name` as logged, SI; None if not known."""
     logged = as_logged(device, name)
     return None if logged is None else float(np.sqrt(np.mean(logged**2)))
 
 
 def _multiples(error):
-    """Return the sizes of an error by stage, in multiples of its floor."""
+    """Return the sizes of an error of `loop_errors` by stage, in multiples of its floor."""
     return {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
 
 
 def reach(errors):
-    """Return the least and the greatest ratio of an error to its floor; the number 1 counts too."""
+    """Return the least and the greatest ratio of `errors` to their floors, 1 included."""
     sizes = [1.0, *(size for error in errors for size in _multiples(error).values())]
     return min(sizes), max(sizes)
 
 
 def _sizes(error):
-    """Return the sizes of an error as text, stage by stage."""
+    """Return the sizes of an error of `loop_errors` as text, stage by stage."""
     display = data_sheet(error["unit"])
     return " → ".join(display.text(error[s], 2) for s in STAGES if error[s] is not None)
 
 
 def draw_loop(area, errors, ends):
-    """Draw a row per error: its sizes over the floor of its noise, on a logarithmic axis."""
+    """Draw a row per error of `loop_errors`: its sizes over its floor, on a logarithmic axis.
+
+    `area` is the Axes, and `ends` are the least and the greatest ratio of the axis.
+    """
     # no line crosses the words
     looks = {"transform": area.get_yaxis_transform(), "va": "center"}
     looks["bbox"] = {"fc": PAGE, "ec": "none", "pad": 0}
@@ -121,9 +125,10 @@ def draw_loop(area, errors, ends):
 
 
 def loop_picture(name, errors, ends=None):
-    """Return the picture of the errors of the device `name`, or None without errors.
+    """Return the Picture of the `errors` of the device `name`; None if there are none.
 
-    `ends` are the ends of the axis, if devices are compared; otherwise the axis fits the errors.
+    `errors` is the result of `loop_errors`. `ends` are the ends of the axis, the same for all
+    devices that are compared; by default the axis fits the errors.
     """
     if not errors:
         return None
@@ -147,6 +152,6 @@ def loop_picture(name, errors, ends=None):
 
 
 def device_loop(device):
-    """Return the picture of a device's errors, in a list that is empty without errors."""
+    """Return the Picture of the errors of a DeviceResults, in a list; empty without errors."""
     picture = loop_picture(device.name, loop_errors(device, blocks(device.diagnosis)))
     return [picture] if picture else []

@@ -13,7 +13,7 @@ KINDS = ("multi_position", "six_position", "reference_motion", "known_rotation",
 
 
 def opening_pictures(device):
-    """Return up to two pictures: the main error before and after, and the main recording."""
+    """Return up to two Pictures of a DeviceResults: its main error, and its main recording."""
     pictures = []
     if diagnoses := tested(blocks(device.diagnosis)):
         # records with an effect or an error come first, then poses
@@ -28,7 +28,10 @@ def opening_pictures(device):
 
 
 def _wrong(device, block):
-    """Return a list with the picture of the error that a diagnosis is about."""
+    """Return the Picture of the error that the verdict of a diagnosis is about, in a list.
+
+    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it.
+    """
     if block["part"] == "static_record":
         pictures = temperature_pictures(device, block) or bias_pictures(device, block)
         return [replace(p, size=(BESIDE[0], p.size[1])) for p in pictures[:1]]

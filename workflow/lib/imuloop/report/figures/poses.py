@@ -1,4 +1,4 @@
-"""Attitude coverage: where on the sphere specific force pointed while the sensor rested."""
+"""Attitude coverage: the upward directions, on body axes, in which the device rested."""
 
 import numpy as np
 
@@ -19,9 +19,9 @@ NEAR = 0.94
 
 
 def pose_directions(device):
-    """Return the upward directions at the poses, a dict of (n, 3) by kind of session.
+    """Return the upward direction in each of n poses, a dict of arrays (n, 3) by kind of session.
 
-    Poses without specific force are left out.
+    `device` is the DeviceResults. Poses without specific force are left out.
     """
     directions = {}
     for session in device.used:
@@ -35,12 +35,10 @@ def pose_directions(device):
 
 
 def draw_poses(area, directions, sign, hole):
-    """Draw one half of the sphere, seen from outside, from +z or from −z.
+    """Draw the upward directions on one half of the sphere, seen from outside.
 
-    The `sign`, 1 or -1, says which.
-
-    `directions` are upward unit vectors, (n, 3), by kind of session; `hole` is the middle of the
-    largest hole.
+    It is seen from +z if `sign` is 1, and from −z if it is -1. `area` is the Axes, `directions` are
+    unit vectors, (n, 3), by kind of session, and `hole` is the direction farthest from all, (3,).
     """
     area.set_axis_off()
     area.set_aspect("equal")
@@ -62,7 +60,10 @@ def draw_poses(area, directions, sign, hole):
 
 
 def pose_pictures(device):
-    """Return the picture of the attitudes covered, in a list that is empty without poses."""
+    """Return the Picture of the upward directions of a DeviceResults, in a list.
+
+    The list is empty without poses.
+    """
     directions = pose_directions(device)
     if not directions:
         return []
@@ -89,10 +90,10 @@ def pose_pictures(device):
 
 
 def _project(u, sign):
-    """Return directions of one hemisphere in Lambert's equal-area projection of its pole.
+    """Return x and y, (n,) each, of directions in Lambert's equal-area projection.
 
-    `u` are unit vectors, (n, 3); x and y are (n,). The hemisphere is seen from outside, so for the
-    lower one x runs to the left.
+    `u` are unit vectors of one hemisphere, (n, 3): the upper one if `sign` is 1, the lower one if
+    it is -1. It is seen from outside, so x runs to the left for the lower one.
     """
     r = np.sqrt(1 + np.abs(u[:, 2]))
     return sign * u[:, 0] / r, u[:, 1] / r

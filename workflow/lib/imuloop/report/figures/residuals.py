@@ -24,15 +24,19 @@ LOOKS = {
 
 
 def residual_pictures(device, block):
-    """Return a picture for each kind of residual of poses, moves or windows with a reference."""
+    """Return a Picture for each kind of residual of a diagnosis, a list.
+
+    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it. Static
+    records have none.
+    """
     names = block["residuals"] if block["part"] != "static_record" else ()
     return [residual_picture(device, block, name) for name in names]
 
 
 def rows_of(device, name):
-    """Return the table, of poses, moves or windows, that has the residual `name`.
+    """Return the rows with the residual `name` of the table of poses, moves or windows.
 
-    Only rows with this residual are in it.
+    `device` is the DeviceResults. A window is a part of a log that is compared with a reference.
     """
     table = device.moves if name in OF_MOVES else device.poses
     table = device.reference if name in OF_WINDOWS else table
@@ -41,7 +45,10 @@ def rows_of(device, name):
 
 
 def as_logged(device, name):
-    """Return the sizes of a residual before any calibration, (n,), SI; None if not known."""
+    """Return the sizes of the n residuals `name` of samples as logged, (n,), SI; None if unknown.
+
+    `device` is the DeviceResults.
+    """
     if name == "gravity_norm":
         force = np.linalg.norm(rows_of(device, name)[list(ACCELERATION)], axis=1)
         return np.abs(force - device.calibrations["final"].gravity)
@@ -55,17 +62,21 @@ def as_logged(device, name):
 
 
 def elapsed(table):
-    """Return the start of each row, s, with the sessions one after another, and their starts, s."""
+    """Return the start of each row, s, (n,), if all sessions follow each other without a break.
+
+    The second result is the start of each session, s, a dict by name. `table` has a row per pose,
+    move or window.
+    """
     length = table.groupby("session", sort=False)["end_s"].max()
     first = length.cumsum() - length
     return (table["start_s"] + table["session"].map(first)).to_numpy(), dict(first)
 
 
 def against(name, table):
-    """Return the quantities on the x axes of the pictures of a kind of residual.
+    """Return the quantities over which the residuals `name` are drawn, a dict.
 
-    The result is a dict by the name of a column of the CSV file. An entry is a label with a unit,
-    and the values, (n,).
+    The keys are the names of columns of the CSV file. An entry is a label with a unit, and the
+    values, (n,). `table` has the n rows of `rows_of`.
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
@@ -88,10 +99,10 @@ def against(name, table):
 
 
 def draw_residuals(area, x, series, floor):
-    """Draw the residual of each pose or turn over `x`, (n,), with its floor, (n,).
+    """Draw the residuals of n poses, moves or windows over `x`, (n,), with their floor, (n,).
 
-    `series` are residuals, (n,), by the words of the key. Sizes as logged, which are far larger
-    than others, need a logarithmic axis.
+    `area` is the Axes. `series` are the residuals, (n,) each, by the words of the key. The axis is
+    logarithmic if one of them is as logged, because it is far larger than the others.
     """
     order = np.argsort(x, kind="stable")
     logarithmic = LOGGED in series
@@ -109,10 +120,10 @@ def draw_residuals(area, x, series, floor):
 
 
 def residual_picture(device, block, name, narrow=False):
-    """Return the picture of one kind of residual, `name`, of a diagnosis.
+    """Return the Picture of one kind of residual, `name`, of a diagnosis.
 
-    A `narrow` picture shows the residuals over time alone. Other pictures show them over further
-    quantities, too.
+    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it. A `narrow`
+    picture shows the residuals over time alone; others show them over further quantities, too.
     """
     residual, changed, table = (
         block["residuals"][name],

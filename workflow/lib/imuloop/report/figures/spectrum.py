@@ -9,7 +9,10 @@ from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 
 
 def density_pictures(device, session):
-    """Return pictures of the power spectral density of both sensors in a session, a list."""
+    """Return the Pictures of the power spectral density in a session, one for each sensor.
+
+    `device` is the DeviceResults, and `session` one of its SessionResults.
+    """
     spectra = session.spectra[np.isfinite(session.spectra["psd"])].astype({"axis": str})
     spectra = spectra.sort_values(["axis", "frequency_hz"], kind="stable").assign(model=np.nan)
     pictures = []
@@ -28,10 +31,11 @@ def density_pictures(device, session):
 
 
 def _ramp(frequency):
-    r"""Return the density that a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
+    r"""Return the density that a ramp of 1 SI/s adds to Welch's estimate, SI²/Hz, (n,).
 
-    `frequency` is in Hz, the lowest is 2/T. For segments of length T, minus their mean, under a
-    Hann window, it is :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T.
+    The estimate has segments of the length T less their mean, under a Hann window. The density is
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)` with k = f T. `frequency` are the frequencies f, Hz, (n,);
+    the lowest is 2/T.
     """
     segment = 2 / frequency.min()
     k = frequency * segment
@@ -39,9 +43,9 @@ def _ramp(frequency):
 
 
 def _picture(device, session, sensor, curves, spectra):
-    """Return the picture of the power spectral density of a sensor.
+    """Return the Picture of the power spectral density of a sensor in a session.
 
-    `curves` has the rows of `spectra` by axis.
+    `spectra` is the table of all channels of the session, and `curves` has its rows by axis.
     """
     axes = of_axes(device.axes, sensor)
     lines = [(line.frequency.value, axis) for axis, noise in axes for line in noise.sinusoid]

@@ -28,9 +28,10 @@ _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
 
 def extremes(x, buckets=BUCKETS):
-    """Return the indices of the least and of the greatest value in each of the parts of a series x.
+    """Return the indices of the least and the greatest value in each of equal parts of a series.
 
-    A line through these points looks like a line through all of them: no peak is lost.
+    `x` is the series, (n,), and `buckets` the number of parts. A line through these points looks
+    like a line through all points: no peak is lost.
     """
     n = len(x)
     if n <= 2 * buckets:
@@ -43,7 +44,8 @@ def extremes(x, buckets=BUCKETS):
 def means_at_rest(t, x, stretches):
     """Return times and means of a series over parts of its rests, with nan between two rests.
 
-    `t` and `x` are (n,); `stretches` are the first and last row, half-open, of each rest.
+    `t` are the times, s, (n,), and `x` is the series, (n,). `stretches` has for each rest its first
+    row and the row after its last. The rests of a whole log would have `MEANS` parts.
     """
     times, values = [np.nan], [np.nan]
     for start, end in stretches:
@@ -63,7 +65,10 @@ def clock(end):
 
 
 def shade(area, segments, size=1.0):
-    """Shade rests, disturbances and gaps; motion stays white."""
+    """Shade rests, disturbances and gaps on the Axes `area`; motion stays white.
+
+    `segments` is the table of segments, and `size` the unit of the time axis, s.
+    """
     # a disturbance has an outline, so that a short disturbance is visible in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
     for kind, (colour, alpha, width) in looks.items():
@@ -74,7 +79,10 @@ def shade(area, segments, size=1.0):
 
 
 def steps_at(device, session, sensor):
-    """Return the times, s, of the steps of the bias that were found in the session `session`."""
+    """Return the times of the steps of the bias that the diagnosis shows in a session, s, a list.
+
+    `device` is the DeviceResults; `session` and `sensor` are names.
+    """
     times = []
     for record in device.diagnosis.get("sensors", {}).get(sensor, {}).values():
         for effect in record["effects"]:
@@ -85,14 +93,17 @@ def steps_at(device, session, sensor):
 
 
 def drifts(device, sensor):
-    """Return the slope of the bias at rest by axis, SI per s; empty if no such effect was found."""
+    """Return the slope of the bias at rest by axis, SI per s; empty without the effect `ramp`."""
     record = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
     slopes = [e["parameters"] for e in record.get("effects", ()) if e["name"] == RAMP]
     return {axis: slopes[0][f"d{axis}"] for axis in XYZ} if slopes else {}
 
 
 def session_pictures(device, session):
-    """Return the pictures of a session's accelerometer and gyroscope over time."""
+    """Return the Pictures of the samples of a session over time, a list: one for each sensor.
+
+    `device` is the DeviceResults, and `session` one of its SessionResults.
+    """
     t = session.samples[TIME]
     return [_picture(device, session, sensor, t) for sensor in SENSORS]
 
@@ -159,7 +170,10 @@ def _picture(device, session, sensor, t):
 
 
 def _numbers(sensor, lines):
-    """Return the numbers behind a picture's lines, a row per point."""
+    """Return the numbers of the lines of a picture, a DataFrame with a row per point.
+
+    `lines` has (times, values) by the name of the line and by axis.
+    """
     parts = [
         pd.DataFrame({"channel": channel, "line": line, "t_s": t, f"value_{FILE_UNITS[sensor]}": x})
         for line, curves in lines.items()
@@ -169,7 +183,7 @@ def _numbers(sensor, lines):
 
 
 def _caption(session, sensor):
-    """Return the caption: the length of all rests, and the number and length of excluded parts."""
+    """Return the caption of a picture: length of all rests, number and length of excluded parts."""
     kinds, cut = session.segments["kind"], []
     for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
