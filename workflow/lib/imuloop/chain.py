@@ -194,7 +194,7 @@ def diagnose(device):
 
 
 def allan(device):
-    """Write allan.parquet of each session: Allan curves as logged, and with effects subtracted."""
+    """Write the Allan curves of each session of a Device: as logged, and without the effects."""
     from imuloop.core.tables import joined, read_session, write_table
     from imuloop.noise.allan import session_curves
     from imuloop.noise.records import read_recorded

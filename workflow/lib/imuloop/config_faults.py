@@ -81,7 +81,7 @@ def device_faults(name, device):
 def _where_written(written, key):
     """Return the key at which the value of `key`, a key of a merged config, is written.
 
-    It may be the key itself, a key of the device for one of its session, or a key of the defaults.
+    It may be the key itself, a key of the device for its sessions, or a key of the defaults.
     `written` are all keys of the config before the merge. Keys are tuples of names.
     """
     if key in written or len(key) < 3 or key[0] != "devices":

@@ -97,7 +97,7 @@ def _array(name, values):
 
 
 def _with_index(table):
-    """Return a DataFrame with its index as a column, if the index has times or a name."""
+    """Return a DataFrame in which the index is a column, if the index has times or a name."""
     name = table.index.name
     if name is None and isinstance(table.index, pd.DatetimeIndex):
         name = TIME

@@ -77,7 +77,7 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
 
     def mean_over(rows):
-        """Return the mean rate over the poses of a mask, (3,), and the weight of each, (3, n)."""
+        """Return the mean rate over poses of the mask `rows`, (3,), and their weights, (3, n)."""
         shares = weights * rows
         shares /= shares.sum(axis=1, keepdims=True)
         return np.sum(shares * poses.w.T, axis=1), shares

@@ -142,7 +142,7 @@ def gather_poses(segments):
     share = of_pose * n / (of_pose @ n)[:, None]
 
     def mean_powers(names, power=1):
-        """Return the means of c columns of the tables to a power, (n, c), over each of n poses."""
+        """Return the means of c columns `names`, to a power, over each of n poses, (n, c)."""
         return share @ np.column_stack([column(name) ** power for name in names])
 
     return Poses(

@@ -30,7 +30,7 @@ class Log:
 
     @classmethod
     def parse(cls, text):
-        """Return the log of an argument, such as ``log.csv``."""
+        """Return the Log of an argument: LOG, or acceleration=FILE,angular_rate=FILE."""
         two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", text)
         files = dict(zip(PAIR, two.groups(), strict=True)) if two else {"log": text}
         return cls({role: Path(path) for role, path in files.items()})
@@ -62,7 +62,7 @@ class Log:
         return path if "raw_units" in metadata_of(path) else None
 
     def refuse_rejected(self, quality):
-        """Raise an ImuloopError with the reasons if ingest rejected the log."""
+        """Raise an ImuloopError if the log is rejected, by `quality`, its quality.json."""
         if quality.get("status") == "rejected":
             raise ImuloopError(f"{self}: rejected: {'; '.join(quality['reasons'])}")
 

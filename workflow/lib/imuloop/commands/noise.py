@@ -66,7 +66,7 @@ def run(arguments):
 
 
 def write_formats(folder, name, estimate):
-    """Write the files of other tools that need no calibration; return their paths.
+    """Write the files of other tools that need no calibration into a folder; return their paths.
 
     `name` is the name of the log, and `estimate` its NoiseResult.
     """
@@ -99,7 +99,8 @@ def write_formats(folder, name, estimate):
 def write_curves(folder, session, estimate):
     """Write the Allan deviation of each sensor as a table and as drawings; return their paths.
 
-    `session` is the RecordedSession, and `estimate` its NoiseResult.
+    They are written into `folder`. `session` is the RecordedSession, and `estimate` its
+    NoiseResult.
     """
     allan = pd.DataFrame(session_curves(session, NoiseSettings()))
     if allan.empty:

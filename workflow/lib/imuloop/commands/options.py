@@ -117,7 +117,10 @@ def _ranges(text):
 
 
 def _nested(pairs):
-    """Return words KEY=VALUE as nested dicts; raise an ImuloopError for a key given in two ways."""
+    """Return words KEY=VALUE, `pairs`, as nested dicts.
+
+    Raises an ImuloopError for a key that is given in two ways.
+    """
     keys = {}
     for pair in pairs:
         path, _, text = pair.partition("=")

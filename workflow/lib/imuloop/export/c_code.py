@@ -82,5 +82,5 @@ def _clamped(fitted, name, expression):
 
 
 def _warmer(fitted):
-    """Return the C expression of the temperature minus the reference temperature of an effect."""
+    """Return a C expression: temperature minus reference temperature of a FittedEffect."""
     return f"(temperature - {number(fitted.effect.reference_temperature)})"

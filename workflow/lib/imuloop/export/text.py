@@ -20,7 +20,7 @@ def number(value):
 
 
 def numbers(values, separator=", "):
-    """Return the numbers of an array, row by row, in one line of text."""
+    """Return the numbers of an array, row by row, as one line with a `separator` between them."""
     return separator.join(map(number, np.ravel(values)))
 
 

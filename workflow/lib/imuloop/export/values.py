@@ -41,7 +41,7 @@ class Exported:
 
 
 def reasons(exported):
-    """Return the reason for each part that a format needs and a device lacks, a dict of text.
+    """Return the reason for each part that formats need and an Exported lacks, a dict of text.
 
     The parts are ``calibration`` (of at least one sensor); ``accelerometer`` and ``gyroscope``,
     the calibration of this sensor; ``rate``, the sampling rate; and ``N``, ``K`` and ``B``, this
@@ -64,7 +64,7 @@ def reasons(exported):
 
 
 def values(exported):
-    """Return the values of a device for the templates, a dict; each sensor in it is a dict, too.
+    """Return the values of an Exported for the templates, a dict with a dict for each sensor.
 
     A noise coefficient without a value or limit has no entry, and a sensor that the logs lack has
     none either. A format that uses such an entry lists it in its `needs`, and is then not written.
@@ -90,7 +90,7 @@ def values(exported):
 
 
 def sensor_values(exported, name):
-    """Return the values of the sensor `name` for the templates, a dict by key.
+    """Return the values of the sensor `name` of an Exported for the templates, a dict by key.
 
     z is the raw value in nominal SI: raw readings with the offset and scale of the data sheet. Keys
     that need an explanation:
@@ -169,7 +169,7 @@ def left_out(sensor, name):
 
 
 def common(spans):
-    """Return the ends of the intersection of ranges; None if it is empty or a range is unknown."""
+    """Return the intersection of ranges, (low, high); None if empty or if a range is None."""
     if not spans or None in spans:
         return None
     low, high = max(low for low, _ in spans), min(high for _, high in spans)

@@ -62,7 +62,7 @@ def tried_effects(diagnosis):
 
 
 def write_family(path, types):
-    """Write family.json; `types` holds the Members of each type by its name."""
+    """Write family.json to `path`; `types` has a list of the Members of each type by its name."""
     write_json(path, {"format": FORMAT, "types": {t: compare_devices(m) for t, m in types.items()}})
 
 
@@ -136,11 +136,11 @@ def compare_parameter(estimates, members):
 def effects(members):
     """Return the entries of family.json on effects, a list of dict, the smallest p-value first.
 
-    There is an entry for each effect that at least `LEAST` devices tested. The null hypothesis is
-    that fewer than half of these devices have the effect. Its p-value is Fisher's combination of
-    the larger half of the p-values of the devices (partial conjunction), adjusted for all effects
-    by Holm's method. So one device cannot show an effect of the type, but all devices together can
-    show an effect that none of them shows by itself.
+    `members` are the Members of a type. There is an entry for each effect that at least `LEAST`
+    devices tested. The null hypothesis is that fewer than half of these devices have the effect.
+    Its p-value is Fisher's combination of the larger half of the p-values of the devices (partial
+    conjunction), adjusted for all effects by Holm's method. So one device cannot show an effect of
+    the type, but all devices together can show an effect that none of them shows by itself.
 
     References
     ----------

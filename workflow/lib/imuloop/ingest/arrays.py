@@ -28,13 +28,16 @@ _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
 
 
 def read_parquet(paths, columns=None):
-    """Return the RawLog of a Parquet table; `columns` are the declared columns by quantity."""
+    """Return the RawLog of the Parquet table at ``paths["log"]``.
+
+    `columns` are the declared columns by quantity.
+    """
     with pq.ParquetFile(paths["log"]) as file:
         return _arrow_log(file.schema_arrow, file.read, columns)
 
 
 def read_feather(paths, columns=None):
-    """Return the RawLog of a Feather file of version 2, which is an Arrow file.
+    """Return the RawLog of the Feather file (version 2, an Arrow file) at ``paths["log"]``.
 
     `columns` are the declared columns by quantity.
     """
@@ -160,7 +163,7 @@ def _column(values):
 
 
 def read_numpy(paths, columns=None):
-    """Return the RawLog of an array of NumPy (.npy), or of several arrays by name (.npz).
+    """Return the RawLog of the NumPy file at ``paths["log"]``: an array, .npy, or several, .npz.
 
     `columns` are the declared columns by quantity. Each field of a structured array is a column.
     Pickled objects are never loaded.
@@ -181,7 +184,7 @@ def read_numpy(paths, columns=None):
 
 
 def read_matlab(paths, columns=None):
-    """Return the RawLog of a MATLAB file of version 5 (`-v6`, `-v7`) or 7.3.
+    """Return the RawLog of the MATLAB file at ``paths["log"]``: version 5 (-v6, -v7) or 7.3.
 
     `columns` are the declared columns by quantity. The field of a struct is the column
     ``STRUCT.FIELD``. A file that is text is read as a text table.
@@ -224,9 +227,10 @@ def _matlab_73(path):
 
 
 def read_netcdf(paths, columns=None):
-    """Return the RawLog of a NetCDF file; the coordinate of its longest dimension is the time.
+    """Return the RawLog of the NetCDF file at ``paths["log"]``.
 
-    `columns` are the declared columns by quantity; a declared time comes first.
+    The time is the coordinate of its longest dimension, unless a time is declared. `columns` are
+    the declared columns by quantity.
     """
     # both take long to import
     import h5py

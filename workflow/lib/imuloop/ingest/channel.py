@@ -57,7 +57,7 @@ def quantisation_step(x):
 
 
 def blocks(x):
-    """Return samples, (n,), as blocks, (n // BLOCK, BLOCK), without the last, incomplete one."""
+    """Return n samples x as blocks, (n // BLOCK, BLOCK), without the last rows if too few."""
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 

@@ -133,7 +133,10 @@ def resolve(names, declared=None, headed=True, units=()):
 
 
 def lacking(quantity, columns):
-    """Return the error of a log that lacks a sensor; `columns` lists the log's columns, text."""
+    """Return the error of a log that lacks the sensor of a quantity.
+
+    `columns` is a text that lists the columns of the log.
+    """
     name = f"name its x, y, z by name in columns.{quantity}"
     if columns.startswith("no header"):
         name = (

@@ -32,7 +32,7 @@ _LEAST_SHARE = 0.01
 
 
 def read(paths, columns=None):
-    """Return the RawLog of a DataFlash log.
+    """Return the RawLog of the DataFlash log at ``paths["log"]``.
 
     A stream has the rows of a message of one instance (sensor), such as ``IMU_0``. In older logs,
     which have no instances, it has the rows of a message, such as ``IMU2``. `columns` are the

@@ -250,7 +250,7 @@ def _origin(evidence):
 
 
 def _write(samples_path, quality_path, samples, content, origin, who):
-    """Write samples.parquet and quality.json.
+    """Write the samples and the quality of a session to two paths.
 
     `samples`, `content` and `origin` are the results of `check`. `who` has the names of the device
     and the session, and its kind. Channels are written with a dictionary, because they have few

@@ -13,7 +13,7 @@ from imuloop.ingest.text_layout import JSON_DOCUMENT, parts_of
 
 
 def read(paths, columns=None):
-    """Return the RawLog of JSON lines; a compressed file is unpacked.
+    """Return the RawLog of the JSON lines in ``paths["log"]``; a compressed file is unpacked.
 
     The columns are the members of the objects in the first rows. A member of an object inside
     another is the column ``OBJECT.MEMBER``, and the members of a list are ``LIST[0]``, ``LIST[1]``

@@ -34,7 +34,7 @@ _WITH_GRAVITY = {"accelerometeruncalibrated": "g", "totalacceleration": "m/s^2"}
 
 
 def read(paths, columns=None):
-    """Return the RawLog of a zip by phyphox or Sensor Logger, or of one or two text tables.
+    """Return the RawLog of the zip ``paths["log"]``, by phyphox, Sensor Logger or of text tables.
 
     Uncalibrated values are preferred to values that the phone has corrected. Acceleration without
     gravity is used only if it is declared. `columns` are the declared columns: for a sensor, the
@@ -64,7 +64,7 @@ def read(paths, columns=None):
         columns["acceleration"] = [f"-{axis}".replace("--", "") for axis in axes]
 
     def read_table(name, columns):
-        """Return the RawLog of one table."""
+        """Return the RawLog of the table `name`; `columns` are its declared columns."""
         return _with_pauses(delimited.read({"log": texts[name]}, columns), clock)
 
     if len(used) > 1:

@@ -56,7 +56,7 @@ def in_config():
 
 
 def for_reader(text):
-    """Return a message with its keys in the form that the user writes in the current place.
+    """Return a message, `text`, with its keys as the user writes them in the current place.
 
     A message that already has this form does not change.
     """
@@ -81,7 +81,7 @@ def _option(path, value, form):
 
 
 def _argument(path, value, form):
-    """Return the Python argument for a key, text; the arguments are those of `_option`."""
+    """Return the Python argument for a key, text; the arguments are as in `_option`."""
     key, *inside = (path or form).split(".")
     if form or not (inside or value):
         return f"{form}=" if form else key

@@ -114,7 +114,8 @@ def readings(e, quantity):
 def steps(e, quantity):
     """Return the factors by which a sensor is off if it logs increments that are taken as rates.
 
-    The result is a list of (factor, right declaration), one for each unit of an increment.
+    The result is a list of (factor, right declaration), one for each unit of an increment of the
+    sensor with this `quantity`.
     """
     unit, is_count = e.raw_units[quantity], e.raw_units[quantity].name == "count"
     words = f"nominal.{quantity}.scale: {{1:.6g}}" if is_count else f"units.{quantity}: {{0}}"
@@ -145,9 +146,10 @@ def increments(e):
 
 
 def cause(e, quantity):
-    """Return words on the wrong unit, full scale or scale of counts if the sensor is off.
+    """Return words on the wrong unit, full scale or scale of counts if a sensor is off.
 
-    The result is None if it is not off, or if none of these explains it.
+    `quantity` is the quantity of the sensor. The result is None if it is not off, or if none of
+    these explains it.
     """
     ratio, unit = RATIOS[quantity](e), e.raw_units[quantity]
     if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):

@@ -30,7 +30,7 @@ _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "tempe
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the topics of inertial messages in a bag, or in a folder of bags.
+    """Return the RawLog of the inertial messages in ``paths["log"]``, a bag or a folder of bags.
 
     The stamps come from the headers, in ns. If the stamps in the headers of a topic never change,
     its stamps are the times of receipt. `columns` are the declared columns by quantity, each a

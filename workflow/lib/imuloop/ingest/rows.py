@@ -155,7 +155,7 @@ class Rows:
             self._make_even()
 
     def _put_on(self, x):
-        """Put the rows on a clock: set their time stamps, (n,), and the newest one before each."""
+        """Set the time stamps of the rows to x, (n,), and the newest one before each, in place."""
         self.x = x
         self.before = np.where(self.usable, x, self.origin - 1)
         self.before[1:] = np.maximum.accumulate(self.before)[:-1]

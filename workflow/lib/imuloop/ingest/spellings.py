@@ -78,7 +78,7 @@ class _Match(NamedTuple):
 
 
 def stated_unit(quantity, text, increments=False):
-    """Return the unit, as in the config, of which `text` is a spelling; None if it is not known.
+    """Return the unit of a quantity, as in the config, that `text` spells; None if not known.
 
     "m s^-2" is m/s^2. A unit of an increment, such as deg, counts only if `increments` is true.
     Otherwise a log that has deg as the unit of a rate means deg/s.

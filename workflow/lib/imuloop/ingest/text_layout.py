@@ -119,9 +119,10 @@ def find_layout(source, least=LEAST):
 
 
 def parts_of(source, size):
-    """Yield the text of a file, unpacked, or of bytes, in parts of `size` bytes.
+    """Yield the text of a file, unpacked, in parts of `size` bytes.
 
-    Raises a RejectedLog if the file cannot be read to its end.
+    `source` is the path of the file, or its content as bytes. Raises a RejectedLog if the file
+    cannot be read to its end.
     """
     source = pa.py_buffer(source) if isinstance(source, bytes) else source
     try:
@@ -172,7 +173,10 @@ def decoded(line):
 
 
 def fields_of(line, separator):
-    """Return the fields of a line, a list, empty if its quotes do not fit."""
+    """Return the fields of a line, a list; empty if its quotes do not fit.
+
+    `separator` is the separator, as in `Layout`.
+    """
     if separator == BLANKS:
         return line.split()
     try:

@@ -35,7 +35,7 @@ _NO_ACCELERATION = 0x7FFFFFFF
 
 
 def read(paths, columns=None):
-    """Return the RawLog of a ULog file.
+    """Return the RawLog of the ULog file at ``paths["log"]``.
 
     A stream has the rows of a topic of one instance (sensor), such as ``sensor_accel_0``. `columns`
     are the declared columns by quantity, each a stream or ``STREAM.FIELD``; they may be of topics
@@ -66,7 +66,7 @@ def read(paths, columns=None):
 
 
 def _sensor_id(quantity, data, parameters):
-    """Return the device id and the slot of a sensor, {name: {"id", "slot"}}.
+    """Return the device id and the slot of the sensor of a quantity, {name: {"id", "slot"}}.
 
     The slot is the number in the name of PX4's parameter with this id: 0 for CAL_ACC0_ID. The id
     comes from `data`, the fields of the sensor's topic, or else from PX4's `parameters`. The result

@@ -159,13 +159,16 @@ def pivot(summary, sensor):
 
 
 def cells(summary, sensor):
-    """Return the cells of a device in the comparison of a sensor, a list without places."""
+    """Return the Cells of a device in the comparison of a sensor, a list, without places.
+
+    `summary` is the content of summary.json of the device.
+    """
     worst_axes = pivot(summary, sensor)
     return [_cell(*worst_axes[quantity], unit) for quantity, unit in columns(sensor).items()]
 
 
 def _cell(largest, limit, logged, floor, prior, display):
-    """Return the cell of a quantity, given its rows (`pivot`) and the Display of the column."""
+    """Return the Cell of a quantity by five `Value`, as in `pivot`, and the column's Display."""
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:
         return Cell(NO_NUMBER)
@@ -216,7 +219,7 @@ def filter_cells(summary):
 
 
 def write_comparison(path, summaries, failures=()):
-    """Write comparison.csv: a row per device, with values in SI and units in the headers.
+    """Write comparison.csv to `path`: a row per device, values in SI, units in the headers.
 
     `summaries` are the contents of summary.json of the devices. The first rows are of devices
     without results: one row, with the reason, for each Failure in `failures`.

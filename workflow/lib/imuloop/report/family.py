@@ -55,16 +55,19 @@ def family_tables(family, labels):
 
 
 def finding(family, labels):
-    """Return a sentence that names the odd devices of a type; the arguments are as below.
+    """Return a sentence that names the odd devices of a type.
 
-    See `family_tables`.
+    The arguments are as in `family_tables`.
     """
     names = [*dict.fromkeys(labels[odd["device"]] for odd in family["odd"])]
     return phrase("family", found=family, names=names)
 
 
 def spread_table(family):
-    """Return the Table of the mean and the spread of each parameter; see `family_tables`."""
+    """Return the Table of the mean and the spread of each parameter of a type.
+
+    The argument is as in `family_tables`.
+    """
     rows = []
     for name, parameter in parameters().items():
         if one := family["parameters"].get(name):
@@ -90,7 +93,7 @@ def spread_table(family):
 
 
 def odd_table(family, labels):
-    """Return the Table of the odd devices, with their values; see `family_tables`."""
+    """Return the Table of the odd devices; the arguments are as in `family_tables`."""
     by_name, rows = parameters(), []
     for odd in family["odd"]:
         parameter, one = by_name[odd["parameter"]], family["parameters"][odd["parameter"]]

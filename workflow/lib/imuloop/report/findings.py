@@ -112,7 +112,7 @@ def _of_both(force, turn):
 
 
 def residual_names(block):
-    """Return the names of the residuals of a record, a list that begins with the most visible."""
+    """Return the names of the residuals of a diagnosis, those that a user notices first."""
     first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
     return list(dict.fromkeys([*first, *block["residuals"]]))
 

@@ -49,7 +49,7 @@ class Value:
     upper95: float | None = None  # one-sided 95 % upper limit, for noise coefficients
 
     def text(self, display):
-        """Return the value ± 1 σ in another unit, or its upper limit."""
+        """Return the value ± 1 σ, or its upper limit, as text in the unit of a Display."""
         return value_text(self.value, self.std, self.upper95, display.factor)
 
 
@@ -85,8 +85,8 @@ def calibration_values(calibrations):
 def prior_values(device, sensor):
     """Return a `Value` for the tolerance of each parameter before the fit, and the white noise.
 
-    The stage is ``prior``. A tolerance is the standard deviation of the parameter by its prior. The
-    white noise is given if the data sheet states one.
+    `device` is the DeviceResults. The stage is ``prior``. A tolerance is the standard deviation of
+    the parameter by its prior. The white noise is given if the data sheet states one.
     """
     rows, final = [], getattr(device.calibrations["final"], sensor)
     for parameter, (quantity, axis) in PARAMETERS.items():
@@ -102,7 +102,7 @@ def prior_values(device, sensor):
 def noise_values(device):
     """Return the `Value` of each noise coefficient: as logged, before and after the correction.
 
-    The correction subtracts the effects from static records.
+    `device` is the DeviceResults. The correction subtracts the effects from static records.
     """
     rows = []
     for sensor in SENSORS:

@@ -115,14 +115,17 @@ def sigma_of(coefficient):
 
 
 def value_text(value, std, upper95=None, factor=1.0):
-    """Return ``value ± σ`` in another unit, or the 95 % upper limit of a missing value."""
+    """Return the text ``value ± σ``, or the 95 % upper limit of a missing value.
+
+    `std` is σ and `upper95` the limit; all numbers are multiplied by `factor`.
+    """
     if not missing(value):
         return with_sigma(value, std, factor)
     return NO_NUMBER if missing(upper95) else f"<\u202f{number(upper95 * factor, 2)}"
 
 
 def coefficient_text(coefficient, factor=1.0):
-    """Return a noise `Coefficient` as ``value ± σ``, or its 95 % upper limit if not seen."""
+    """Return a noise `Coefficient`, times `factor`, as ``value ± σ`` or as its 95 % upper limit."""
     return value_text(coefficient.value, sigma_of(coefficient), coefficient.upper95, factor)
 
 

@@ -54,7 +54,7 @@ def environment(escape):
 
 
 def shown(value, unit, digits=3):
-    """Return an SI value as text, in the unit of data sheets for the SI `unit`."""
+    """Return an SI value with the SI `unit` as text in the unit of data sheets."""
     return data_sheet(unit).text(value, digits)
 
 

@@ -103,7 +103,8 @@ def _section(folder):
 def verdict_lines(folders):
     """Return lines of text with the verdicts of each device, or of each group of devices.
 
-    More than `TOGETHER` devices are grouped by equal verdicts.
+    `folders` are the folders of the devices' results. More than `TOGETHER` devices are grouped by
+    equal verdicts.
     """
     devices = [read_json(Path(folder) / "summary.json") for folder in folders]
     if len(devices) <= TOGETHER:

@@ -106,7 +106,10 @@ class DeviceResults:
 
 
 def axes_of(content):
-    """Return an `AxisNoise` for each channel of noise.json, empty for a channel that it lacks."""
+    """Return the AxisNoise of each channel; without terms for a channel that noise.json lacks.
+
+    `content` is the entry ``axes`` of noise.json.
+    """
     return {c: AxisNoise.from_dict(content[c]) if c in content else AxisNoise() for c in CHANNELS}
 
 

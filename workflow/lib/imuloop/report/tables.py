@@ -72,7 +72,10 @@ def parameter_table(device, sensor):
 
 
 def misalignment_table(device, sensor):
-    """Return the misalignment of the final calibration as a matrix; None if it has none."""
+    """Return the Table of the misalignment matrix of a sensor, by the final calibration.
+
+    `device` is the DeviceResults. The result is None if no misalignment was estimated.
+    """
     values = select(calibration_values(device.calibrations), stage="final", sensor=sensor)
     values = select(values, quantity="misalignment")
     rows = {axis: dict.fromkeys(XYZ, NO_NUMBER) for axis in XYZ}
@@ -106,9 +109,10 @@ def wander(noise, interval, length):
 
 
 def _after_an_hour(device, sensor):
-    """Return a text on the growth of the standard error of the bias in an hour.
+    """Return a text on the growth of the standard error of the bias of a sensor in an hour.
 
-    The text is empty if no axis has flicker, random walk or a Gauss-Markov process.
+    `device` is the DeviceResults. The text is empty if no axis has flicker, random walk or a
+    Gauss-Markov process.
     """
     sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
@@ -136,7 +140,10 @@ def reasons(device):
 
 
 def model_table(device, sensor):
-    """Return the table of T, K and b of the final calibration, as stored in calibration.json."""
+    """Return the Table of T, K and b of a sensor, as calibration.json has them.
+
+    `device` is the DeviceResults.
+    """
     s = getattr(device.calibrations["final"], sensor)
     unit = typeset(s.raw_unit.name)
     lines = [(f"T, row {axis}", "1", row) for axis, row in zip(XYZ, s.T, strict=True)]
@@ -150,12 +157,15 @@ def model_table(device, sensor):
 
 
 def noise_words(sensor, term):
-    """Return a noise coefficient in words."""
+    """Return the words for a noise coefficient, `term`, such as N, of a sensor."""
     return WORDS["noise"][term].format(white=WORDS["white"][sensor], walk=WORDS["walk"][sensor])
 
 
 def coefficient_table(device, sensor):
-    """Return the table of a sensor's noise coefficients, a column per axis."""
+    """Return the Table of the noise coefficients of a sensor, a column per axis.
+
+    `device` is the DeviceResults.
+    """
     values, rows = select(noise_values(device), sensor=sensor, stage="logged"), []
     typical = device.data_sheet.get("noise", {}).get(sensor)
     for term in COEFFICIENTS:

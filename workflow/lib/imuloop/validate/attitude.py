@@ -128,7 +128,10 @@ def held_out_models(diagnosed, problem):
         base_problem = replace(problem, nuisance_effects=(), static=None, _fits={}, _columns={})
 
     def fit_without(problem, effects, held_out):
-        """Return the Calibration with `effects` by a fit to the poses outside blocks `held_out`."""
+        """Return the Calibration of a PoseProblem with `effects`, fitted without some blocks.
+
+        `held_out` are the numbers of these blocks.
+        """
         return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
     # the choice of effects by all poses, and the choices by the poses outside each block

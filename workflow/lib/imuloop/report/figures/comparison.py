@@ -67,7 +67,10 @@ def _lines(sensor, curves):
 
 
 def _band(sensor, curves):
-    """Return caption, `plot` and numbers, as `_lines`, for the median and the 5–95 % band."""
+    """Return caption, `plot` and numbers for the median and the 5–95 % band of all devices.
+
+    The arguments are as in `_lines`.
+    """
     # averaging times at which at least half of the devices have a value
     ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
     common = float(np.clip(1.0, *ends))

@@ -93,7 +93,10 @@ def steps_at(device, session, sensor):
 
 
 def drifts(device, sensor):
-    """Return the slope of the bias at rest by axis, SI per s; empty without the effect `ramp`."""
+    """Return the slope of the bias of a sensor at rest by axis, SI per s.
+
+    `device` is the DeviceResults. The result is empty if the diagnosis has no effect `ramp`.
+    """
     record = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
     slopes = [e["parameters"] for e in record.get("effects", ()) if e["name"] == RAMP]
     return {axis: slopes[0][f"d{axis}"] for axis in XYZ} if slopes else {}
