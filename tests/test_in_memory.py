@@ -49,6 +49,14 @@ FORMS = {
     ),
     "no time": lambda t, f, w: ((None, f, w), {"rate": 50}),
     "sensors by name": lambda t, f, w: ({"t": t, "acceleration": f, "angular_rate": w}, {}),
+    "columns by name": lambda t, f, w: (dict(table(t, f, w)), {}),
+    "columns of each sensor": lambda t, f, w: (
+        {
+            "acceleration": dict(table(t, f, w)[["t", *FORCE]]),
+            "angular_rate": dict(table(t, f, w)[["t", *TURN]]),
+        },
+        {},
+    ),
     "one array": lambda t, f, w: (np.column_stack([t, f, w]).astype("g"), NUMBERED),
     "time as the index": lambda t, f, w: (table(t, f, w).set_index("t"), {}),
     "notes of several types": lambda t, f, w: (table(t, f, w).assign(a=[1, "b"] * 250), {}),

@@ -65,6 +65,10 @@ def test_what_has_no_allan_deviation(name):
 
 
 def test_what_is_read_and_applied_by_mistake(log):
+    with pytest.raises(ImuloopError, match="tuple is not a log"):
+        imuloop.read(("a.csv", "b.csv", "x"))
+    with pytest.raises(ImuloopError, match="same length"):
+        imuloop.read({"t": T, "ax": T[1:]})
     with pytest.raises(ImuloopError, match="unit: unknown key; did you mean 'units'"):
         imuloop.read(log, unit={"acceleration": "g"})
     nominal = imuloop.model.sensor_calibration.SensorCalibration.nominal

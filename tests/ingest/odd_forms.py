@@ -8,6 +8,7 @@ import netCDF4
 import numpy as np
 
 from imuloop.core.samples import CHANNELS
+from ingest.array_forms import netcdf
 from ingest.logs import brief
 
 
@@ -25,6 +26,19 @@ def archive(path, _, members):
 
 def pickled(path, _):
     np.save(path, {"a": 1})
+
+
+def damaged_too(path, log):
+    np.savez(path, **log)
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("temperature.npy", b"\x93NUMPY")
+
+
+def broken_variable(path, log):
+    netcdf(path, log)
+    content = bytearray(path.read_bytes())
+    content[content.rindex(b"OHDR") + 6] ^= 255
+    path.write_bytes(content)
 
 
 def zeros_in_zip(path, _):

@@ -1,5 +1,8 @@
 """The coach: from the first rest to done, with the σ that the calibration has at the end."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -78,7 +81,7 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
         assert state.worst[sensor] == pytest.approx(max(relative), rel=0.2)
 
 
-def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, capsys):
+def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, capsys, monkeypatch):
     path = tmp_path / "log.csv"
     command = ["coach", str(path), "--every", "0.01", "--patience", "0.1"]
     samples[samples["t"] < 100].to_csv(path, index=False)
@@ -88,7 +91,26 @@ def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, caps
     samples.to_csv(path, index=False)
     assert main([*command, "--within", "5"]) == 0
     assert capsys.readouterr().out.endswith("Done.\n")
+    with open(path) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        assert main(["coach", "-", *command[2:], "--within", "5"]) == 0
     assert main(["coach", str(tmp_path / "none.csv")]) == 1
     path.write_text("t,ax,ay,az,gx,gy,gz\n")
     assert main(command) == 1
     assert "log.csv: " in capsys.readouterr().err
+
+
+def test_an_error_ends_it_while_standard_input_stays_open():
+    command = [
+        sys.executable,
+        "-m",
+        "imuloop",
+        "coach",
+        "-",
+        "--every",
+        "0.01",
+        "--patience",
+        "0.1",
+    ]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        assert run.wait(60) == 1 and run.stderr.read().count(b"\n") == 1

@@ -1,5 +1,7 @@
 """Declarations about a device without a config: options of a command, or Python arguments."""
 
+from collections.abc import Mapping
+
 from imuloop.config import STAGES
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.files import plain
@@ -24,6 +26,8 @@ def check_declared(keys, name="device", settings=None):
         Settings of the stages by their name.
     """
     declared = {key: plain(value) for key, value in keys.items() if value is not None}
+    if not isinstance(settings or {}, Mapping):
+        raise ImuloopError(f"settings: {settings!r} is not a mapping")
     stages = plain(dict(settings or {}))
     if not declared and not stages and name == "device":
         # a small installation lacks pydantic, with which the models are written

@@ -34,18 +34,26 @@ def log_of(log, columns=None, name="log"):
         if not Path(log).exists():
             raise ImuloopError(f"{log}: there is no such file")
         return log if isinstance(log, str) else Path(log)
-    if isinstance(log, (tuple, list)) and len(log) in (3, 4):
+    several = isinstance(log, (tuple, list)) and len(log) in (3, 4)
+    if several and not all(isinstance(values, FILE) for values in log):
         log = {k: v for k, v in zip(ARRAYS, log, strict=False) if v is not None}
     if isinstance(log, Mapping):
         # without t, each sensor may have a file or a table with its own stamps
-        if "t" not in log and any(isinstance(v, (*FILE, pd.DataFrame)) for v in log.values()):
+        tables = (*FILE, pd.DataFrame, Mapping)
+        if "t" not in log and any(isinstance(v, tables) for v in log.values()):
             if {*log} != {*PAIR}:
                 raise ImuloopError(
                     f"{name}: a table or file each under {', '.join(map(str, log))}; name them "
                     f"{' and '.join(PAIR)}"
                 )
             return {quantity: log_of(log[quantity], columns, quantity) for quantity in PAIR}
-        log = _table_of_arrays({k: _array(k, v) for k, v in log.items() if v is not None})
+        # the arrays of the sensors, or columns by their own names
+        arrays = {k: _array(k, v) for k, v in log.items() if v is not None}
+        columnar = all(values.ndim == 1 for values in arrays.values())
+        if columnar and not {*log} <= {*ARRAYS}:
+            log = _table_of_columns(log, name)
+        else:
+            log = _table_of_arrays(arrays)
     if isinstance(log, np.ndarray) and log.ndim == 2 and columns:
         log = pd.DataFrame(log)
     if isinstance(log, pd.DataFrame):
@@ -57,6 +65,17 @@ def log_of(log, columns=None, name="log"):
         "number, {'time': 0, 'acceleration': [1, 2, 3], …}; of two files {'acceleration': path, "
         "'angular_rate': path}"
     )
+
+
+def _table_of_columns(columns, name):
+    """Return columns by their names, a mapping, as a DataFrame; `name` names the log in messages.
+
+    Raises an ImuloopError if the columns differ in length.
+    """
+    try:
+        return pd.DataFrame(dict(columns))
+    except ValueError as error:
+        raise ImuloopError(f"{name}: {error}") from error
 
 
 def _table_of_arrays(arrays):

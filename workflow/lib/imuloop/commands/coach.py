@@ -65,9 +65,11 @@ def run(arguments):
             log = Log.parse(f"{folder}/input.csv")
             [path] = log.paths
             path.touch()
-            threading.Thread(target=_copy, args=(sys.stdin.buffer, path), daemon=True).start()
+            # a buffered stream would be locked by the thread when the program ends
+            source = sys.stdin.buffer.raw
+            threading.Thread(target=_copy, args=(source, path), daemon=True).start()
         log.refuse_no_log()
-        return follow(log, arguments, Path(folder))
+        return follow(log, arguments, Path(folder) / "samples")
 
 
 def _copy(source, target):

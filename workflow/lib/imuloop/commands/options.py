@@ -72,7 +72,8 @@ def take_keys(words):
         path = name.removeprefix("--")
         if name in SEVERAL:
             start, several = SEVERAL[name], [text] if equals else []
-            while words and re.match(f"{KEY}=" if not start else r"[\w.]+=", words[0]):
+            more = r"[\w.]+=" if start else f"{KEY}="
+            while words and re.match(more if several else "[^-]", words[0]):
                 several.append(words.pop(0))
             pairs += [pair for word in several for pair in _expand(start, word)]
             # the parser refuses an option without a word
@@ -93,8 +94,11 @@ def _expand(start, word):
     """Return words KEY=VALUE, a list, with full keys for a `word` after an option of `SEVERAL`.
 
     `start` is the start of the keys: ``x=1`` with the start ``columns.`` is ``columns.x=1``.
+    Raises an ImuloopError for a word that is not KEY=VALUE.
     """
-    quantity, _, value = word.partition("=")
+    quantity, equals, value = word.partition("=")
+    if not (equals and re.fullmatch(KEY, start + quantity)):
+        raise ImuloopError(f"{start}{word} is not KEY=VALUE, KEY one of {', '.join(KEYS)}")
     if start != "nominal.":
         return [start + word]
     # a scale, or a scale and an offset

@@ -2,7 +2,6 @@
 
 import os
 import re
-from contextlib import suppress
 
 import numpy as np
 import pandas as pd
@@ -172,15 +171,20 @@ def read_numpy(paths, columns=None):
     if isinstance(archive, np.ndarray):
         return _log({"": archive}, columns)
     check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.zip.infolist()))
-    tree = {}
+    tree, notes = {}, []
     for name in archive:
-        # an object that is pickled
-        with suppress(ValueError):
+        try:
             tree[name] = archive[name]
+        except ValueError as error:
+            if "allow_pickle" not in str(error):
+                raise
+            notes.append(f"{one_line(name)} left out: Python objects are not loaded, save numbers")
     if len(tree) == 1 and getattr(*tree.values(), "dtype", np.dtype(float)).names:
         # the columns of a structured array that is alone have the names of its fields
         tree = {"": tree.popitem()[1]}
-    return _log(tree, columns)
+    log = _log(tree, columns)
+    log.notes += notes
+    return log
 
 
 def read_matlab(paths, columns=None):

@@ -245,14 +245,15 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position, from 0, of the column that is declared for a quantity.
 
-    `value` is the name of the column or its position. Only a log that is `headed`, which has a
-    header, has names. Raises an ImuloopError, which names the key, if there is no such column.
+    `value` is the name of the column or its position; a log that is not `headed`, which has no
+    header, has numbers as names. Raises an ImuloopError, which names the key, if there is no such
+    column.
     """
     value = without_sign(value, names) if quantity in SENSORS else value
     number, count = isinstance(value, int), names.count(str(value))
     if number and 0 <= value < len(names):
         return value
-    if headed and count == 1 and not number:
+    if count == 1 and not number:
         return names.index(value)
     by_number = f"name it by number, 0 to {len(names) - 1}"
     fault = f"no column '{value}'; there are {listed(names)}{did_you_mean(str(value), names)}"

@@ -52,6 +52,8 @@ def read_whole(name, form, paths, columns=None):
         # a damaged file may announce any size
         large = isinstance(error, MemoryError)
         what = "does not fit the memory" if large else f"is damaged, or not of the format {name}"
-        why = f"{type(error).__name__}: {error}".replace(str(path), "the file")
+        # C code wraps an error that it does not expect in a SystemError without its text
+        cause = (isinstance(error, SystemError) and error.__cause__) or error
+        why = f"{type(cause).__name__}: {cause}".replace(str(path), "the file")
         remedy = "save it in parts" if large else form.remedy
         raise RejectedLog(f"{path.name} {what} ({one_line(why)[:150]}): {remedy}") from error

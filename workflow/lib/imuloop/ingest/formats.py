@@ -49,7 +49,12 @@ FORMATS = {
     "imu_tk": LogFormat("delimited.read", ()),
     "jsonl": LogFormat("json_lines.read", (".jsonl", ".ndjson", ".json")),
     "parquet": LogFormat("arrays.read_parquet", (".parquet", ".pq"), (b"PAR1",)),
-    "feather": LogFormat("arrays.read_feather", (".feather", ".arrow"), (b"ARROW1",)),
+    "feather": LogFormat(
+        "arrays.read_feather",
+        (".feather", ".arrow"),
+        (b"ARROW1",),
+        remedy="copy it again, or save it anew, as Feather of version 2",
+    ),
     "numpy": LogFormat("arrays.read_numpy", (".npy", ".npz"), (b"\x93NUMPY",)),
     "netcdf": LogFormat("arrays.read_netcdf", (".nc", ".nc4", ".cdf", ".netcdf"), (b"CDF",)),
     "matlab": LogFormat("arrays.read_matlab", (".mat",), (b"MATLAB ",)),

@@ -25,10 +25,8 @@ _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 _LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
 _PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"\x28\xb5\x2f\xfd": "zstd", b"\4\x22M\x18": "lz4"}
 _BINARY = "the file is binary, or UTF-16: save it as UTF-8, or give format: NAME"
-_NO_TABLE = (
-    "the file is not a table of numbers in rows and columns (lines that begin with #, % or // are "
-    "comments): save it as CSV"
-)
+_NO_ROWS = "the file has no rows, or lines alone that begin as comments do, with #, % or //"
+_NO_TABLE = "the file is not a table of numbers in rows and columns: save it as CSV"
 # how a document of JSON begins
 _JSON = re.compile(rb"\s*(\{\s*\"|\[\s*[{\[])")
 JSON_DOCUMENT = (
@@ -71,7 +69,8 @@ def find_layout(source, least=LEAST):
     head = next(parts_of(source, LONGEST_LINE), b"")
     # the last line may be cut off
     lines = head.split(b"\n")[: -1 if len(head) == LONGEST_LINE else None]
-    if lines and b"\0" in lines[0]:
+    # in UTF-16 and UTF-32 one of two, or three of four, bytes of most texts are zero
+    if head[:256].count(0) > 0.4 * len(head[:256]):
         raise RejectedLog(_BINARY)
     arrow = sum(map(bool, map(_ARROW.match, lines))) > len(lines) / 2
     bare = [_ARROW.sub(rb"\2", line) for line in lines] if arrow else lines
@@ -80,6 +79,8 @@ def find_layout(source, least=LEAST):
     rewrites = [(_LABEL, b"")] * (count > len(lines) / 2 and len({*labels}) >= least)
     texts = [decoded(_LABEL.sub(b"", x) if rewrites else x).strip("\ufeff\r") for x in bare]
     filled = [i for i, text in enumerate(texts) if text.strip() and not COMMENT.match(text)]
+    if lines and not filled:
+        raise RejectedLog(_NO_ROWS)
     separator, width, rows = _rows([texts[i] for i in filled], least)
     if not rows:
         raise RejectedLog(JSON_DOCUMENT if _JSON.match(head) else _NO_TABLE)
