@@ -94,6 +94,14 @@ def repeated(log, names, count):
     log[names] = log[names].to_numpy()[rows]
 
 
+def repeated_about(log, names, count, spread):
+    """Repeat each value for `count` rows, give or take `spread`."""
+    lengths = np.random.default_rng(1).integers(count - spread, count + spread + 1, len(log))
+    first = np.r_[0, np.cumsum(lengths)]
+    rows = first[np.searchsorted(first, np.arange(len(log)), side="right") - 1]
+    log[names] = log[names].to_numpy()[rows]
+
+
 def every(log, count, names, value):
     """Put a value into one of `count` rows, as a bus does whose reads fail."""
     log.loc[1::count, names] = value
@@ -228,6 +236,16 @@ def in_packets(log, size, share, jitter=0.0, end=True):
 
 def scattered(log, std, seed=12):
     return log.assign(t=log.t + np.random.default_rng(seed).normal(0, std, len(log)))
+
+
+def late_by(log, mean, seed):
+    """Stamps of a host that is late by a random delay, s."""
+    delay = np.random.default_rng(seed).exponential(mean, len(log))
+    return log.assign(t=np.maximum.accumulate(log.t + delay))
+
+
+def polled(log, interval):
+    return log.assign(t=np.ceil(log.t / interval) * interval)
 
 
 def jittered(log, step):

@@ -73,7 +73,7 @@ def least_stuck(lengths):
 
 
 class Channel:
-    """The n samples of a channel and their faults.
+    """The n samples of a channel, which last `duration` s, and their faults.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Channel:
         Rows before an integer wraps around.
     """
 
-    def __init__(self, x, step):
+    def __init__(self, x, step, duration):
         self.x, self.step = x, step
         self.low, self.high = np.fmin.reduce(x), np.fmax.reduce(x)
         self.width, self.changed = np.ptp(blocks(x), axis=1), x[1:] != x[:-1]
@@ -117,7 +117,7 @@ class Channel:
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
         same = pd.Series(alone).value_counts().max() if len(alone) > OFTEN * len(x) else 0
         self.failed_reads = int(same) if same > OFTEN * len(x) else 0
-        self.ends, self.wraps = self._saturated_ends(), self._wraps()
+        self.ends, self.wraps = self._saturated_ends(len(x) / duration), self._wraps()
 
     @property
     def is_silent(self):
@@ -128,11 +128,12 @@ class Channel:
         is_still = self.low < self.high and np.count_nonzero(self.width) < len(self.width) / 2
         return is_still and len(self.stuck) not in (1, 2)
 
-    def _saturated_ends(self):
+    def _saturated_ends(self, second):
         """Return the number of rows at each saturated end of the range, a dict by value, SI.
 
         An end is saturated if many rows are there and few at the next level, or if it is reached in
-        flat tops, which no smooth motion has.
+        flat tops, which no smooth motion has. A single run of a second or more is a stuck value.
+        `second` is the number of rows in a second.
         """
         ends, width = {}, self.step or np.finfo(float).tiny
         for value in sorted({self.low, self.high} - {0.0}) if self.low < self.high else ():
@@ -140,7 +141,9 @@ class Channel:
             rows = np.count_nonzero(away < 0.5 * width)
             beside = np.count_nonzero(away < 1.5 * width) - rows
             is_cut = self.is_fine and rows**2 > CUT_TAIL * max(beside, 1)
-            if is_cut or (self.tops == value).any():
+            runs = [count for start, count in self.stuck if self.x[start] == value]
+            is_stuck = len(runs) == 1 and runs[0] >= max(second, MOST * rows)
+            if not is_stuck and (is_cut or (self.tops == value).any()):
                 ends[float(value)] = rows
         return ends
 
@@ -170,7 +173,8 @@ def rows_a_value(channels):
     lengths = np.diff(np.flatnonzero(np.any([c.changed for c in channels], axis=0)))
     if len(lengths) < FEWEST:
         return 1.0
-    near = lengths[np.abs(lengths - np.median(lengths)) <= 1]
+    usual = np.median(lengths)
+    near = lengths[np.abs(lengths - usual) <= max(1.0, 0.15 * usual)]
     is_held = len(near) >= MOST * len(lengths) and near.mean() >= LEAST_HELD
     return float(near.mean()) if is_held else 1.0
 

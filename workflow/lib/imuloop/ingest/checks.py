@@ -179,8 +179,8 @@ CHECKS = [
     Check("two units", UNREADABLE, lambda e: e.counts.in_two_units,
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
-    Check("no rows", UNREADABLE, lambda e: not e.inside and f"{e.counts.read}",
-          "the log has {} rows, and none of them lies in the time range"),
+    Check("no rows", UNREADABLE, lambda e: not e.inside and f"{e.counts.read or 'no'} rows"
+          f"{', and none of them lies in the time range' * bool(e.counts.read)}", "the log has {}"),
     Check("rate", UNREADABLE, _rate, "no IMU has a rate of {rate_hz:.3g} Hz{}"),
     Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
           "those between: failed reads", "look at the bus, the driver and the read rate"),

@@ -139,14 +139,14 @@ class Clock:
 
     def warnings(self):
         """Return the line on mended stamps, a list, empty if no stamp was mended."""
-        if self.unpadded or not (self.rollovers or self.resets or self.strays):
-            return []
-        return [
-            f"time stamps mended: {plural(self.rollovers, 'roll-over')} of {self.span_s or 0:.10g} "
-            f"s; {plural(self.resets, 'restart')}, from which t goes on after {FEW_STEPS} usual "
-            f"steps, a gap whose length is not known; {plural(self.strays, 'stamp')} ahead of "
-            "those that follow, taken as missing"
-        ]
+        rest = f", from which t goes on after {FEW_STEPS} usual steps, a gap of unknown length"
+        faults = (
+            (self.rollovers, "roll-over", f" of {self.span_s or 0:.10g} s"),
+            (self.resets, "restart", rest),
+            (self.strays, "stamp", " ahead of those that follow, taken as missing"),
+        )
+        words = [plural(count, noun) + more for count, noun, more in faults if count]
+        return [f"time stamps mended: {'; '.join(words)}"] if words and not self.unpadded else []
 
 
 def _count_unpadded(last, first, second):

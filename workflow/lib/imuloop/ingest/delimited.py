@@ -15,11 +15,11 @@ from pyarrow import csv
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import TIME, raw_unit
-from imuloop.ingest.columns import listed, resolve
+from imuloop.ingest.columns import STAMP, listed, resolve
 from imuloop.ingest.formats import IN_FOLDER
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, TABLE, names_device
-from imuloop.ingest.stamps import stamp_array
+from imuloop.ingest.stamps import no_stamps, stamp_array
 from imuloop.ingest.tables import doubles, table_log
 from imuloop.ingest.text_layout import (
     BLANKS,
@@ -66,6 +66,10 @@ def read(paths, columns=None):
     facts = {"nominal": nominal, "notes": notes}
     log = table_log(layout.names, chosen, arrays, layout.headed, tick, units, **facts)
     log.lose(counts)
+    if STAMP in log.batch.schema.names:
+        texts, stamps = _texts(layout, chosen.places["time"][0]), log.batch[STAMP]
+        if texts and 0 < stamps.null_count == len(stamps):
+            raise no_stamps(stamps, log.names["time"], texts)
     return log
 
 
@@ -184,13 +188,17 @@ def _joined(batches):
     return columns
 
 
+def _texts(layout, at):
+    """Return the values of column `at` in the first rows, a list of text."""
+    return [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
+
+
 def _stamp_kind(layout, at):
     """Return the Arrow type in which the stamps in column `at` of a Layout are read.
 
     It is int64, float64, or text for dates, by the first rows.
     """
-    texts = [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
-    kind = stamp_array(pa.array(texts, pa.string())).type
+    kind = stamp_array(pa.array(_texts(layout, at), pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
 
 

@@ -100,12 +100,12 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     if by_clock := _by_clock(rows, t, packets):
         lossy, width, beat = by_clock
         clean = single and width < SCATTER and not beat
-        # a host that polls faster than the sensor samples misses nothing
-        if not (clean or (on_line and beat)):
-            if not len(lossy.lost):
-                even = even or lossy
-            elif np.diff(lossy.lost, prepend=0).max() * lossy.step < HALF:
-                even = lossy
+        # a host that polls faster than the sensor samples misses nothing, and one or two losses of
+        # stamps on a line may be noise
+        complete = on_line and (beat or np.max(lossy.lost, initial=0) <= 2)
+        longest = np.diff(lossy.lost, prepend=0).max(initial=0) * lossy.step
+        if not (clean or complete) and longest < HALF:
+            even = lossy
     if not even or (rate and abs(even.step * rate - 1) > RATE_SHARE):
         return None
     sign = 0 if packets else jitter_sign(t, turn_rate, even.step, scatter)
@@ -164,6 +164,9 @@ def _by_clock(rows, t, packets):
         stamped = np.append(rows[1:], rows[-1] + 1) - rows[1]
     place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
+    if size * (index[-1] - index[0]) < (1 - RATE_SHARE) * stamped[-1]:
+        # a clock of the transfers, not of the sensor
+        return None
     width = _width(place - index)
     lost = size * (index - index[0]) - stamped
     # where stamps scatter, some samples are numbered one too high or low

@@ -94,8 +94,9 @@ def warnings(entry, measured):
     listed = " and ".join(f"{sensor} ({unit})" for sensor, unit in entry["sensors"].items())
     lines = [f"increments of {listed} divided by their interval: {entry['interval']}"]
     if entry["interval"] == _BY_STAMPS:
-        line = "; {without_interval} at the start has none and is dropped, {by_usual_step} after "
-        line += "gaps are of one interval too, the usual step {usual_step_s:.6g} s"
+        line = "; {without_interval} at the start has none and is dropped"
+        if entry["by_usual_step"]:
+            line += ", {by_usual_step} after gaps are of the usual step {usual_step_s:.6g} s"
         lines[0] += line.format(**entry)
         share = measured["jitter"]["std_s"] * measured["rate_hz"]
         if share > _JITTER:

@@ -171,8 +171,8 @@ def size_of_force(e):
 
 def changed_force(e):
     """Return the least and the largest size of the specific force at rest if they differ."""
-    rests = e.faults["rests"]
-    low, _, high = rests["force"] if rests else (1.0, 1.0, 1.0)
+    rests, is_whole = e.faults["rests"], not (e.is_cut or e.faults["copies"])
+    low, _, high = rests["force"] if rests and is_whole else (1.0, 1.0, 1.0)
     return high > CHANGED * low and {"low": low, "high": high}
 
 

@@ -71,7 +71,7 @@ class Rows:
             self.tick = None if self.dates else NANOSECONDS.get(unit)
             self.scale = 1e-9 if self.dates else TIME_SCALES.get(unit)
             if count and not self.usable.any():
-                raise no_stamps(log.names["time"])
+                raise no_stamps(log.batch[STAMP], log.names["time"])
             if self.scale is None:
                 raise ImuloopError(
                     f"units.time is '{unit}', but column '{log.names['time']}' holds numbers; "

@@ -57,7 +57,8 @@ def parse_stamps(text):
 def stamp_array(column):
     """Return a column of stamps of any type as int64, float64 or timestamp[ns].
 
-    A date outside of `YEARS` becomes null. Raises a RejectedLog for stamps of 2^63 and more.
+    A date outside of `YEARS` becomes null; if all dates are outside, they keep their unit. Raises a
+    RejectedLog for stamps of 2^63 and more.
     """
     kind = column.type
     if pa.types.is_dictionary(kind):
@@ -65,6 +66,8 @@ def stamp_array(column):
     if pa.types.is_timestamp(kind):
         most, ticks = MOST // NANOSECONDS[kind.unit], column.cast(pa.int64())
         within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
+        if not pc.any(within).as_py():
+            return column
         column = pc.if_else(within, column, pa.scalar(None, kind))
         return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
@@ -96,6 +99,9 @@ def stamp_values(column):
     for dates, or float64. A stamp that is not readable is 0.
     """
     dates = pa.types.is_timestamp(column.type)
+    if dates and column.type.unit != "ns":
+        # all of them are outside of `YEARS`
+        column = pa.nulls(len(column), pa.int64())
     readable = column.is_valid().to_numpy(zero_copy_only=False)
     column = column.cast(pa.int64()) if dates else column
     values = column.fill_null(0).to_numpy(zero_copy_only=False)
@@ -106,16 +112,23 @@ def stamp_values(column):
     return np.where(readable, values, values.dtype.type(0)), readable, dates
 
 
-def no_stamps(name):
-    """Return the ImuloopError of a time column without a readable stamp.
+def no_stamps(column, name, texts=()):
+    """Return the error of a time column without a readable stamp.
 
-    `name` is the name of the column, or a list of two names.
+    `column` is the Arrow array, and `name` its name, or a list of two names. `texts` are the first
+    stamps as written, if they are text. The error is a RejectedLog for numbers that are too large
+    and dates outside of `YEARS`, else an ImuloopError on the declaration.
     """
     listed = " and ".join(name) if isinstance(name, list) else name
+    stamps = column.to_pandas().dropna()
+    if len(stamps):
+        why = f"its stamps, {stamps.iloc[0]} the first, are too large, or not of the years {YEARS}"
+        return RejectedLog(f"time column '{listed}': {why}")
+    quote = f" ('{texts[0][:80]}' the first)" if texts else ""
     return ImuloopError(
-        f"time column '{listed}' holds neither numbers below 2^62 nor ISO 8601 stamps of the years "
-        f"{YEARS}, nor whole seconds and a part of a second; name the right one in columns.time, "
-        "or give columns.time: null and rate in Hz"
+        f"time column '{listed}' holds neither numbers nor ISO 8601 stamps, nor whole seconds and "
+        f"a part of a second{quote}; name the right one in columns.time, or give columns.time: "
+        "null and rate in Hz"
     )
 
 
