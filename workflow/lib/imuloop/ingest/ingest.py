@@ -13,6 +13,7 @@ from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog, nearest
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, schema
 from imuloop.ingest import checks, clocks, even_stamps, increments, pps, quality, reference
+from imuloop.ingest.columns import STAMP
 from imuloop.ingest.convert import Counts, no_samples, si_samples
 from imuloop.ingest.evidence import Declared, Evidence
 from imuloop.ingest.formats import find_format
@@ -105,7 +106,12 @@ def read(paths, declared, kind=None):
     columns = declared.columns | ({"pps": declared.pps} if in_log else {})
     try:
         evidence.format, reader = find_format(declared.format, evidence.of_log)
-        evidence.log = reader(evidence.of_log, columns or None)
+        log = evidence.log = reader(evidence.of_log, columns or None)
+        empty = "time" in log.names and log.batch[STAMP].null_count == log.batch.num_rows
+        if empty and declared.rate and "time" not in columns:
+            # the rate is enough
+            log.batch = log.batch.drop_columns([STAMP])
+            del log.names["time"]
         evidence.absent = absent_sensor(evidence.log, columns)
     except RejectedLog as error:
         evidence.log, evidence.counts.reasons = RawLog(), [str(error)]
