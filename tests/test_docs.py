@@ -269,19 +269,6 @@ def test_the_reference_holds_what_users_and_effects_are_called():
             assert script["first_line"](thing).endswith("."), f"{module}.{name}"
 
 
-def test_all_that_is_installed_is_pinned_with_a_hash():
-    """Each set-up installs the pinned pip and setuptools first, and fetches none to build with."""
-    for name in ("build", "users", "dev", "cluster", "cluster-dev"):
-        text = (REPOSITORY / f"locks/{name}.lock").read_text()
-        packages = re.split(r"^(?=[a-z0-9])", text, flags=re.M)[1:]
-        assert packages and all(
-            "==" in package and "--hash=sha256:" in package for package in packages
-        )
-    for line in re.findall(r".*(?:PINNED\)|pip install).*", (REPOSITORY / "Makefile").read_text()):
-        if "-r locks/" in line:
-            assert "--only-binary :all:" in line or "--no-build-isolation" in line
-
-
 def test_the_environment_of_the_jobs_is_that_of_the_lock():
     """All packages that pyproject.toml names for users, with the versions of locks/users.lock."""
     script = runpy.run_path(str(REPOSITORY / "docs/environment.py"))

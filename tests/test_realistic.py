@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 import imuloop
-from bench.realistic.device import (
-    CHANNELS,
-    record,
-)
+from bench.realistic.device import CHANNELS, record
 from bench.realistic.judge import errors, outcome
 from bench.realistic.plain import fit
 from quick import hurry

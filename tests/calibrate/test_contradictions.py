@@ -8,10 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import (
-    plan_session,
-    record_samples,
-)
+from calibrate.devices import plan_session, record_samples
 from imuloop.calibrate.contradictions import odd_turns
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan, turns_between

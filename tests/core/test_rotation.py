@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from imuloop.core.rotation import (
-    exponential,
-    matrix,
-    mean_rates,
-    prefix_product,
-    step_vectors,
-)
+from imuloop.core.rotation import exponential, matrix, mean_rates, prefix_product, step_vectors
 
 
 def rate(t):

@@ -6,12 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from imuloop.core.samples import (
-    CHANNELS,
-    TEMPERATURE,
-    TIME,
-    Samples,
-)
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, Samples
 
 
 @pytest.fixture

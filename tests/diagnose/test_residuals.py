@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.estimate.held_out import (
-    exceedance_probability,
-    fold_fits,
-    held_out_covariance,
-)
+from imuloop.estimate.held_out import exceedance_probability, fold_fits, held_out_covariance
 from imuloop.estimate.verdict import (
     NoiseComparison,
     above_floor,

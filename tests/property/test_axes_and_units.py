@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrate.devices import (
-    UNITS,
-    calibrate_recording,
-    known_noise,
-    recording,
-)
+from calibrate.devices import UNITS, calibrate_recording, known_noise, recording
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import example_truth

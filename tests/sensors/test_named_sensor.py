@@ -89,31 +89,6 @@ def test_what_no_data_sheet_gives_is_that_of_a_mems_sensor():
     assert {*resolve_device("sensor: fxos8700")["tolerances"]} == {"accelerometer"}
 
 
-@pytest.mark.parametrize(
-    ("options", "line"),
-    [
-        (
-            ["--sensor=icm42688p"],
-            "acceleration in counts needs --range.acceleration, one of 2 g, 4 g, 8 g, 16 g",
-        ),
-        (["--sensor=icm4268p"], "is not a sensor of the table; did you mean 'icm42688p'?"),
-        (
-            ["--sensor=icm42688p", "--range.acceleration=3 g"],
-            "'3 g' is not a range; use one of 2 g, 4 g, 8 g",
-        ),
-        (["--range.acceleration=16 g"], "--range.acceleration: needs the device's sensor"),
-    ],
-    ids=str,
-)
-def test_a_mistake_on_the_command_line_is_one_line(counts, options, line, capsys):
-    try:
-        status = main(["info", str(counts), *OPTIONS, *options])
-    except SystemExit as stopped:
-        status = stopped.code
-    assert status in (1, 2)
-    assert line in capsys.readouterr().err
-
-
 def test_counts_without_a_range_are_refused_in_python(counts):
     with pytest.raises(ImuloopError, match=r"range=\{'acceleration': …\}, one of 2 g, 4 g"):
         imuloop.read(counts, units=COUNTS, sensor="icm42688p")
@@ -149,12 +124,6 @@ def test_an_earlier_calibration_is_kept_where_the_log_shows_no_more(log, tmp_pat
         before, after = (getattr(r.calibration, sensor) for r in (first, later))
         for matrix in "TK" if sensor == "gyroscope" else "TKb":
             assert getattr(after, matrix) == pytest.approx(getattr(before, matrix))
-
-
-def test_a_range_may_have_another_unit(counts, capsys):
-    ranges = ["--range.angular_rate=2000deg/s", "--range.acceleration=156.9 m/s^2"]
-    assert main(["info", str(counts), *OPTIONS, "--sensor=icm42688p", *ranges]) == 0
-    assert "acceleration count" in capsys.readouterr().out
 
 
 def test_noise_stands_beside_the_figure_of_the_data_sheet(counts, capsys):

@@ -58,11 +58,7 @@ def axis(coefficients, number=0, seed=5):
 
 
 @pytest.mark.parametrize(
-    "more",
-    [
-        Noise(Q=(1.0, 0, 0)),
-        Noise(steps=(Popcorn((1.0, 0, 0), (3.0, 7.0)),)),
-    ],
+    "more", [Noise(Q=(1.0, 0, 0)), Noise(steps=(Popcorn((1.0, 0, 0), (3.0, 7.0)),))]
 )
 def test_one_process_does_not_move_another(more):
     white = Noise(N=(0.2, 0.3, 0.4))

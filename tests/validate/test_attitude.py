@@ -18,13 +18,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.model.calibration import Calibration
 from imuloop.model.state import NAMES
 from imuloop.simulate.truth import example_truth
-from imuloop.validate.attitude import (
-    METHODS,
-    Stretch,
-    blocks,
-    held_out_models,
-    validate_attitude,
-)
+from imuloop.validate.attitude import METHODS, Stretch, blocks, held_out_models, validate_attitude
 
 SETTINGS = DiagnoseSettings()
 
@@ -99,9 +93,7 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive_device):
     parts = np.where(out, 1, 2 * (block % 2))
     # some fifty standard errors of a pose
     poses = replace(
-        log.poses,
-        w=log.poses.w + 0.004 * out[:, None],
-        f=log.poses.f * (1 + 0.004 * out)[:, None],
+        log.poses, w=log.poses.w + 0.004 * out[:, None], f=log.poses.f * (1 + 0.004 * out)[:, None]
     )
     touched = out[log.rotations.first] | out[log.rotations.first + 1]
     rotations = replace(log.rotations, w=log.rotations.w + 0.004 * touched[:, None, None])

@@ -174,10 +174,7 @@ def test_what_was_never_calibrated_is_not_tested(still_recording, calibrations):
 
 
 # of one switching on, m/s^2 and rad/s: tens of standard errors
-JUMP = {
-    "accelerometer": np.array([0.08, -0.05, 0.06]),
-    "gyroscope": np.array([2e-3, -1e-3, 3e-3]),
-}
+JUMP = {"accelerometer": np.array([0.08, -0.05, 0.06]), "gyroscope": np.array([2e-3, -1e-3, 3e-3])}
 
 
 def jumped(still, seed, truth=TRUTH):

@@ -173,8 +173,7 @@ def test_jobs_ask_for_more_memory_than_they_take(finished_run):
     """Protects: a cluster kills a job above its request, so 1.3 times the peak is asked."""
     folder, done = finished_run
     jobs = re.findall(
-        r"log: logs/(\S+)\.log\n(?: .*\n)*? +resources: .*?mem_mb=(\d+)",
-        done.stdout + done.stderr,
+        r"log: logs/(\S+)\.log\n(?: .*\n)*? +resources: .*?mem_mb=(\d+)", done.stdout + done.stderr
     )
     peaks = {}
     for job, asked in jobs:
