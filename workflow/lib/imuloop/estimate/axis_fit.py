@@ -23,20 +23,21 @@ class Fit:
 
     chi2: np.ndarray  # (h,): χ² of the residuals
     # (h,): log prior of each hypothesis, minus (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2 with the covariance Σ
-    # of the rows and the Jacobian J
+    # of the residuals and their Jacobian J
     log_prior: np.ndarray
     dof: int  # degrees of freedom
     least_scale: float  # lower limit of `scale`; above 0 if other data say how large the noise is
     # (h, k, k): normal matrix of the columns, after each column was divided by its norm
     normal: np.ndarray | None = None
-    norms: np.ndarray | None = None  # (h, k): norms of the columns in the metric of the precision
+    norms: np.ndarray | None = None  # (h, k): √(xᵀ Σ⁻¹ x) of each column x
     coefficients: np.ndarray | None = None  # (h, k): coefficients of the columns
 
     @property
     def scale(self):
         """Estimated factor s on the covariance of each noise hypothesis, (h,).
 
-        It is the reduced χ² under this hypothesis, or the lower limit `least_scale` if that is
+        A noise hypothesis is one of h covariances that the noise of the residuals may have. The
+        factor is the reduced χ² under this hypothesis, or the lower limit `least_scale` if that is
         larger.
         """
         return np.maximum(self.least_scale, self.chi2 / self.dof)
@@ -54,7 +55,8 @@ class Fit:
     def log_probability(self):
         """Logarithm of likelihood times prior of each noise hypothesis, (h,), up to a constant.
 
-        The likelihood is the restricted one: the fitted parameters are integrated out.
+        A noise hypothesis is one of h covariances that the noise may have. The likelihood is the
+        restricted one: the fitted parameters are integrated out.
         """
         return self.log_prior - self.loss
 
@@ -64,10 +66,12 @@ class Fit:
         return softmax(self.log_probability)
 
     def average(self):
-        """Return the coefficients of the columns, (k,), and their covariance, (k, k).
+        """Return the coefficients of the k columns, (k,), and their covariance, (k, k).
 
-        Both are averaged over the noise hypotheses, with their posterior probabilities as weights.
-        The covariance includes the scatter of the coefficients between hypotheses.
+        A column is the derivative of the residuals with respect to one parameter, scaled to length
+        one. Both results are averaged over the noise hypotheses, the covariances that the noise may
+        have, with their posterior probabilities as weights. The covariance includes the scatter of
+        the coefficients between hypotheses.
         """
         mean = self.probability @ self.coefficients
         deviation = self.coefficients - mean
@@ -78,7 +82,7 @@ class Fit:
 
 
 def scaled_inverse(matrix):
-    """Return the inverse, (p, p), of a positive definite matrix, (p, p).
+    """Return the inverse, (p, p), of `matrix`, (p, p), which is positive definite.
 
     The matrix is scaled to ones on its diagonal before it is inverted. Otherwise parameters of
     different units would make it ill-conditioned.
@@ -216,9 +220,10 @@ def log_p_values(pairs, hypotheses=slice(None)):
 
 
 def _stack(fits):
-    """Return one Fit that holds m fits with equal degrees of freedom.
+    """Return one Fit that holds m fits with equal degrees of freedom, to test them all at once.
 
-    Its arrays have the shape (h, m): h noise hypotheses, m fits.
+    `fits` is the list of m Fits. The arrays of the result have the shape (h, m): h noise
+    hypotheses, covariances that the noise may have, and m fits.
     """
     chi2, log_prior = (
         np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")

@@ -27,7 +27,7 @@ class Choice:
 class Choices(Search):
     """The choice of the effects that a model needs, by significance tests and cross-validation.
 
-    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
+    `problem` is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
     the rows, scalar residuals of one kind of record. It also has the folds, groups of rows that are
     held out together, and the variants to try, effects with values of their constants.
     """
@@ -39,7 +39,9 @@ class Choices(Search):
     def search(self, held_out):
         """Return the Search that uses only the rows outside some folds.
 
-        `held_out`, a frozenset of int, has the numbers of these folds. Each Search is stored.
+        A row is one scalar residual; a fold has the rows that cross-validation holds out together.
+        `held_out`, a frozenset of int, has the numbers of the folds to leave out. Each Search is
+        stored.
         """
         if held_out not in self._searches:
             self._searches[held_out] = Search(self.problem, held_out)
@@ -69,8 +71,9 @@ class Choices(Search):
     def errors_with(self, kinds):
         """Return the held-out errors, (N, a), SI, of a model with one effect of each of some kinds.
 
-        There are N rows on a axes. `kinds` is a tuple. The constants of the effects, such as a time
-        constant, are chosen again for each fold, by the rows outside it.
+        There are N rows, scalar residuals, on a axes. `kinds` is a tuple of kinds of effects. Each
+        fold of rows is predicted by a fit to the rows outside it. These rows also choose the
+        constants of the effects, such as a time constant, again for each fold.
         """
         if kinds not in self._errors:
             self._errors[kinds] = self.errors(lambda search: search.effects_of_kinds(kinds))
@@ -208,10 +211,11 @@ class Choices(Search):
         return change
 
     def nested_choice(self, search):
-        """Return the effects that are significant in the training rows of a Search, a tuple.
+        """Return the effects that are significant in the training rows of a `search`, a tuple.
 
-        With this function as its rule, `errors` gives held-out errors of the chosen model. The
-        search tries only the kinds of effects that the choice by all rows adds. The training rows
-        alone decide which of them are significant, and give their constants and sizes.
+        It is the function `choose_effects` with which `errors` gives the held-out errors of the
+        chosen model: so the choice is nested in the cross-validation. The Search tries only the
+        kinds of effects that the choice by all rows adds. Its training rows, those that it does not
+        hold out, decide which of them are significant, and give their constants and sizes.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

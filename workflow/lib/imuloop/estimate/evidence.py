@@ -25,7 +25,7 @@ class Hypotheses:
 
     @classmethod
     def of(cls, covariances):
-        """Return the Hypotheses for h covariances, an iterable of arrays (n, n)."""
+        """Return the Hypotheses for h `covariances` of n rows, an iterable of arrays (n, n)."""
         inverses, log_det = [], []
         for covariance in covariances:
             inverse, root = precision(covariance)
@@ -36,8 +36,9 @@ class Hypotheses:
     def weighted_sum(self, weights):
         """Return the sum of the h covariances, (n, n), each multiplied by its weight.
 
-        `weights`, (h,), has the weights. Only the inverses are stored, so each covariance is
-        recomputed. Covariances with less than 1e-9 of the largest weight are skipped.
+        `weights`, (h,), has the weights, such as the probability of each covariance. Only the
+        inverses are stored, so each covariance is recomputed. Covariances with less than 1e-9 of
+        the largest weight are skipped.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -148,14 +149,19 @@ class Evidence:
     def weighted_columns(self, i, numbers):
         """Return k stored columns multiplied by the precision of one group of rows, (h, k, n).
 
-        `i` is the index of the group. Its n rows have a precision, the inverse covariance, for each
-        of h noise hypotheses. `numbers` are the numbers of the k columns.
+        A column is the derivative of all rows (scalar residuals) with respect to one parameter. `i`
+        is the index of the group. Its n rows have a precision, the inverse covariance, for each of
+        h noise hypotheses. `numbers` are the numbers of the k columns.
         """
         # for many small arrays this takes half the time of `np.stack`
         return np.array([self._weighted[i][c] for c in numbers]).swapaxes(0, 1)
 
     def matrix(self, numbers):
-        """Return k stored columns as a matrix, (N, k); `numbers` are their numbers."""
+        """Return k stored columns as one matrix, (N, k), with the N rows (scalar residuals).
+
+        A column is the derivative of all rows with respect to one parameter, on one axis. `numbers`
+        has the numbers under which the k columns are stored.
+        """
         columns = [self.columns[c] for c in numbers]
         return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
@@ -181,17 +187,19 @@ class Evidence:
         return tuple(self._patterns[effect] for effect in effects)
 
     def columns_of(self, effects, axis):
-        """Return the numbers of all columns that some effects have on one axis, a tuple of int.
+        """Return the numbers of all columns that some `effects` have on one axis, a tuple of int.
 
-        `axis` is the index of the axis. A parameter has a column if the rows of this axis depend on
-        it.
+        A column is the derivative of all rows (scalar residuals) on the axis with respect to one
+        parameter of an effect. A parameter has a column if the rows depend on it. `axis` is the
+        index of the axis.
         """
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def parameters_of(self, effects, axis):
         """Return which parameter each column of some effects on one axis belongs to, and its norm.
 
-        `axis` is the index of the axis, on which the effects have k columns.
+        `axis` is the index of the axis, on which the `effects` have k columns. A column is the
+        derivative of all rows with respect to one parameter, scaled to length one.
 
         Returns
         -------
@@ -228,9 +236,9 @@ class Evidence:
     def held_out_variance(self, hypothesis):
         """Return the variance of the held-out error of each row, (N,), in data with noise alone.
 
-        Each fold is predicted by a fit to the rows outside it. The fit has the nuisance parameters
-        and no effects. `hypothesis` is the index of a noise hypothesis. It gives both the
-        covariance of the noise and the weights of the fits.
+        Each fold is predicted by a fit to the rows outside it. The fit has the nuisance parameters,
+        as the level of each record, and no effects. `hypothesis` is the index of a noise
+        hypothesis. It gives both the covariance of the noise and the weights of the fits.
         """
         if hypothesis not in self._variances:
             variances = []
@@ -261,5 +269,9 @@ class Evidence:
         self._training_fits.clear()
 
     def split(self, rows):
-        """Return a list with the rows of each group, (n, …), from an array of all rows, (N, …)."""
+        """Return a list with the rows of each group, (n, …), from the array `rows`, (N, …).
+
+        A row is one scalar residual; the N rows are in the order of the groups, and a group has n
+        rows.
+        """
         return np.split(rows, self._ends)

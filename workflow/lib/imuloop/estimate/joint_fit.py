@@ -78,7 +78,7 @@ class JointFit:
         return replace(self, factors=replace(self.factors, sensors=tuple(sensors)))
 
     def measure(self, x, recording, effects=()):
-        """Return the Measurements: the rests and moves of a recording, as the fit uses them.
+        """Return the Measurements: the rests and moves of a `recording`, as the fit uses them.
 
         Effects are linearised about the state `x`, (p,): the 21 parameters of both sensors, and
         then the parameters of `effects`, a sequence of SensorEffect.
@@ -86,7 +86,7 @@ class JointFit:
         return self.factors.linearised_about(recording, State(x, tuple(effects)))
 
     def linearise(self, solution, recording):
-        """Return the residuals of a recording and their Jacobian, a Linearised.
+        """Return the residuals of a `recording` and their Jacobian, a Linearised.
 
         They are taken at the estimates of `solution`, a Fit, with its effects.
         """

@@ -21,11 +21,14 @@ SINGULAR = (
 
 
 class NotConverged(LinAlgError):
-    """An iterative fit that did not converge."""
+    """The error that is raised if an iterative fit does not converge."""
 
 
 def why_no_fit(error):
-    """Return the message, one line of text, for a LinAlgError that a fit raised."""
+    """Return the message, one line of text, for an `error` that a fit raised, a LinAlgError.
+
+    It says that the fit did not converge, or that a matrix is singular.
+    """
     return str(error) if isinstance(error, NotConverged) else SINGULAR
 
 
@@ -100,17 +103,17 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     last = [(None, None) if first is None else (x.copy(), first)]
 
     def linearised(x):
-        """Return the result of `linearise` at x, which is the stored one if x has not changed."""
+        """Return the result of `linearise` at `x`: the stored one if `x` has not changed."""
         if not np.array_equal(last[0][0], x):
             last[0] = x.copy(), linearise(x)
         return last[0][1]
 
     def residual(x):
-        """Return the whitened residuals, then the prior's residuals, (n + k,), of variance one."""
+        """Return n whitened residuals, then k of the prior, (n + k,), at the parameters `x`."""
         return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
-        """Return the derivative of `residual` with respect to the parameters x, (n + k, p)."""
+        """Return the derivative of `residual` with respect to the p parameters `x`, (n + k, p)."""
         return np.concatenate([whiten @ linearised(x).jacobian, R])
 
     if not np.isfinite(residual(x)).all():

@@ -24,9 +24,9 @@ def share_on_axes(training_fit, first, second):
 
     An effect explains another one if it changes the rows in the same way, with other values of its
     parameters. On each axis on which the first effect acts, the second explains at least a certain
-    share of its square, for any parameters of the first (`imitated_share`). The result is the
-    smallest of these shares. `training_fit` is the TrainingFit of the rows; `first` and `second`
-    are Effects with their constants.
+    share of the square of the first, for any parameters of the first (`imitated_share`). The result
+    is the smallest of these shares. `training_fit` is the TrainingFit of the rows; `first` and
+    `second` are Effects with their constants.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
@@ -109,10 +109,10 @@ def imitations(search, kinds):
 def twin(search, base, kind):
     """Return the name of an effect in the model that a candidate could replace, or None.
 
-    The candidate is another kind of effect. It could replace an effect if two things hold: the
-    candidate passes the significance test in a model without the effect, and the effect fails it in
-    a model with the candidate. `search` is the Search in all rows, `base` has the effects in the
-    model, and `kind` is the kind of the candidate.
+    The candidate is another kind of effect. An effect in the model is its twin if two things hold:
+    the candidate passes the significance test in a model without the effect, and the effect fails
+    it in a model with the candidate. `search` is the Search in all rows, `base` has the effects in
+    the model, and `kind` is the kind of the candidate. The result is None without a twin.
     """
     for effect in reversed(base):
         other_effects = tuple(e for e in base if e is not effect)
@@ -129,8 +129,9 @@ def masking_effect(search, base, kind):
     """Return the name of an effect in the model that prevents the test of a candidate, or None.
 
     The candidate is another kind of effect. With all effects in the model it cannot be estimated;
-    without the returned one it can. `search` is the Search in all rows, `base` has the effects in
-    the model, and `kind` is the kind of the candidate.
+    without the returned one it can. The result is None if there is no such effect. `search` is the
+    Search in all rows, `base` has the effects in the model, and `kind` is the kind of the
+    candidate.
     """
     alone = search.trial((), kind)
     for effect in base if alone else ():

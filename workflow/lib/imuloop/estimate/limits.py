@@ -137,8 +137,9 @@ class AxisTest:
         """Return by how much χ² falls if the effect is added to the model, (h, q).
 
         It is χ² of the fit without the effect minus χ² of the fit with it, under each of h noise
-        hypotheses. The data have one of the q columns (see the class) at a time, of size one and
-        without noise.
+        hypotheses. The data are assumed to have no noise and one of q columns at a time, of size
+        one. A column is the derivative of all rows with respect to one parameter of the effect in
+        the data.
         """
         columns_of, drops = self.training_fit.evidence.columns_of, []
         base, extended = (
@@ -155,12 +156,13 @@ class AxisTest:
     def passes(self, sizes):
         """Return the sizes that pass the significance test often enough, (s, q) of bool.
 
-        They pass with the probability `power`. Under each noise hypothesis the F statistic of the
-        test has the noncentrality ``size² drop/scale``. Here drop is the fall of χ² by the effect
-        at size one (`chi_square_drop`), and scale is the estimated factor on the covariance of the
-        noise. F exceeds its lower quantile with the probability `power`, so the p-value of this
-        quantile counts. These p-values are averaged over the hypotheses, and combined with the
-        p-values of the other axes by Fisher's method.
+        `sizes`, (s, q), has s increasing sizes of each of q parameters; the data have one of them
+        at a time. A size counts if it passes with the probability `power`. Under each noise
+        hypothesis the F statistic of the test has the noncentrality ``size² drop/scale``. Here drop
+        is the fall of χ² by the effect at size one (`chi_square_drop`), and scale is the estimated
+        factor on the covariance of the noise. F exceeds its lower quantile with the probability
+        `power`, so the p-value of this quantile counts. These p-values are averaged over the
+        hypotheses, and combined with the p-values of the other axes by Fisher's method.
         """
         without, fit = self.fits
         # number of parameters that the effect adds
@@ -216,11 +218,12 @@ class AxisTest:
     def lowers_error(self, problem, sizes):
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
-        A size counts if the effect, added to the model, is expected to lower the held-out error:
-        the 95 % interval of the ratio, error with the effect over error without it, then lies below
-        one. The data have z times the column x, the derivative of all rows (scalar residuals) with
-        respect to one parameter of the effect; z is the size. A row is predicted by a fit to the
-        rows of other folds; its held-out error is
+        `sizes`, (s, q), has s increasing sizes of each of q parameters; the data have one of them
+        at a time. A size counts if the effect, added to the model, is expected to lower the
+        held-out error: the 95 % interval of the ratio, error with the effect over error without it,
+        then lies below one. The data have z times the column x, the derivative of all rows (scalar
+        residuals) with respect to one parameter of the effect; z is the size. A row is predicted by
+        a fit to the rows of other folds; its held-out error is
 
         - e, with the variance v, by the noise alone;
         - ``e + z c`` without the effect in the model, where c is the held-out error of x;

@@ -25,7 +25,7 @@ FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
 def kinds_of(effects):
-    """Return a tuple with the kind of each of some effects.
+    """Return a tuple with the kind of each of some `effects`.
 
     A kind is the class of the effect, with the sensor if the search is for both sensors.
     """
@@ -35,9 +35,9 @@ def kinds_of(effects):
 def _price(base, effect):
     """Return the price of an effect, a float that is added to its log p-value.
 
-    An effect with a constant that is rarely needed, such as the lag of a thermometer, has a price:
-    it must be more significant than others. The price is zero if an effect of the same name in
-    `base`, the effects in the model, has the same constants already, as a device has one
+    An `effect` with a constant that is rarely needed, such as the lag of a thermometer, has a
+    price: it must be more significant than others. The price is zero if an effect of the same name
+    in `base`, the effects in the model, has the same constants already, as a device has one
     thermometer with one lag.
     """
     if not effect.price:
@@ -47,7 +47,10 @@ def _price(base, effect):
 
 
 def _of_temperature(effect):
-    """Return whether an effect depends on the present temperature, not on past temperatures."""
+    """Return whether an `effect` depends on the present temperature, a bool.
+
+    It is False for effects of time and of past temperatures.
+    """
     return "temperature" in effect.needs and not effect.after_temperature
 
 
@@ -109,9 +112,11 @@ class Search:
         return self.problem.training_fit(base, self.held_out)
 
     def test(self, base, effect):
-        """Return the Trial of an effect with given constants added to the effects in `base`.
+        """Return the Trial, the significance test, of an `effect` added to the effects in `base`.
 
-        It is None if the training rows do not determine the parameters of the effect.
+        The effect has values of its constants, and `base` has the effects that are in the model
+        already. The result is None if the training rows do not determine the parameters of the
+        effect.
         """
         return self.tests(base, (effect,))[0]
 
@@ -161,10 +166,12 @@ class Search:
     def trial(self, base, kind, may_give_up=False):
         """Return the Trial of the best variant of a kind of effect, added to `base`, or None.
 
-        Most kinds have a list of variants. A kind with too many, such as steps at any time, has a
-        scan, a function that finds the best one. The result is None if the base has the kind
-        already, or if no variant can be estimated. To save time, `may_give_up` lets a scan stop
-        early if its first step is not clearer than chance; the result is None then, too.
+        `base` has the effects that are in the model already, and `kind` is the kind to test. A
+        variant is an effect with values of its constants. Most kinds have a list of variants. A
+        kind with too many, such as steps at any time, has a scan, a function that finds the best
+        one. The result is None if the base has the kind already, or if no variant can be estimated.
+        To save time, `may_give_up` lets a scan stop early if its first step is not clearer than
+        chance; the result is None then, too.
         """
         if kind in kinds_of(base):
             return None
@@ -233,9 +240,10 @@ class Search:
     def estimate(self, base, effect):
         """Return the p parameters of an effect, their standard errors and their covariance, SI.
 
-        The arrays have the shapes (p,), (p,) and (p, p). The fit has the effect and the effects in
-        `base`, which are in the model already. Values and covariance are averaged over the noise
-        hypotheses and combined from all axes. Parameters that no axis can estimate are zero.
+        The arrays have the shapes (p,), (p,) and (p, p). The fit has this `effect` and the effects
+        in `base`, which are in the model already. Values and covariance are averaged over the noise
+        hypotheses, the covariances that the noise may have, and combined from all axes. Parameters
+        that no axis can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
         for axis in range(training_fit.evidence.axes):
@@ -258,7 +266,7 @@ class Search:
         return (*self.problem.variants, *self.problem.scans)
 
     def significant_effects(self, kinds):
-        """Return the significant effects of the given kinds, a tuple, without cross-validation.
+        """Return the significant effects of the given `kinds`, a tuple, without cross-validation.
 
         Effects are added one by one, each time the effect with the smallest p-value, until none
         passes the test. After each addition the constants of the earlier effects are chosen again.
@@ -305,6 +313,7 @@ class Search:
         Such effects have nearly the same pattern in these data. In one attitude, for example, a
         change of scale factor is the same as a change of bias. So the order of the list decides.
         `base` has the effects in the model; `passing` is the list, and `best` is one of its Trials.
+        If no other effect is like the best one, the result is `best`.
         """
         training_fit = self.training_fit(base)
         for trial in passing:
@@ -318,13 +327,13 @@ class Search:
                 return trial
 
     def with_best_variants(self, effects):
-        """Return the effects with their constants chosen again, a tuple.
+        """Return the `effects` with their constants chosen again, a tuple.
 
         Each effect but the last, one after the other, gets the variant with the smallest p-value
         when it is added to all others. A variant is the effect with values of its constants. The
-        last effect was chosen with the others in the model already. An effect without a list of
-        variants, such as a step at any time, is searched again if the problem says so
-        (`scans_again`).
+        last effect needs no new choice: it was chosen with the others in the model already. An
+        effect without a list of variants, such as a step at any time, is searched again if the
+        problem says so (`scans_again`); else it stays.
         """
         for i, effect in enumerate(effects[:-1]):
             variants, best = self.problem.variants.get(effect.kind, ()), None
@@ -339,7 +348,7 @@ class Search:
         return effects
 
     def refine(self, effects):
-        """Return the effects with constants between the values of the grid, a tuple.
+        """Return the `effects` with constants between the values of the grid, a tuple.
 
         The search takes the constants, such as a time constant, from a grid. Here the constants of
         one effect after the other are multiplied or divided by each of the `FACTORS` if this raises
@@ -368,7 +377,7 @@ class Search:
         return effects
 
     def effects_of_kinds(self, kinds):
-        """Return a model with one effect of each of the given kinds, a tuple of Effect.
+        """Return a model with one effect of each of the given `kinds`, a tuple of Effect.
 
         The effects are added one after the other, significant or not. Their constants are those
         that fit the training rows best. A kind that cannot be estimated is left out.

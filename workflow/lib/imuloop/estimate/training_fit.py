@@ -125,7 +125,7 @@ class TrainingFit:
         return total
 
     def corrections(self, i, columns):
-        """Return the stored corrections of k columns in the row group with the index i, (h, k, u).
+        """Return the stored corrections of k columns in the row group with index `i`, (h, k, u).
 
         The correction of a column x is the vector t_x with ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where P̃
         projects u parameters out, under each of h noise hypotheses. `columns` are the numbers of
@@ -211,7 +211,7 @@ class TrainingFit:
         return self._steps[i, hypothesis]
 
     def fit(self, effects, axis):
-        """Return the Fit of a model with some effects to the training rows on one axis, or None.
+        """Return the Fit of a model with some `effects` to the training rows on one axis, or None.
 
         `axis` is the index of the axis. The effects have columns there: derivatives with respect to
         their parameters. The result is None if the columns are linearly dependent, or if there are
@@ -369,7 +369,7 @@ class TrainingFit:
         return nuisances, coefficients
 
     def residuals(self, effects, axis):
-        """Return the residuals of all N rows on one axis, (N,), SI, by a model with some effects.
+        """Return the residuals of all N rows on one axis, (N,), SI, by a model with some `effects`.
 
         The model is fitted to the training rows alone, so the residuals of the other rows are
         held-out errors. `axis` is the index of the axis.
@@ -385,13 +385,14 @@ class TrainingFit:
         )
 
     def estimate(self, effects, axis):
-        """Return the coefficients, (k,), of the effects' k columns and their covariance, (k, k).
+        """Return the coefficients of k columns, (k,), and their covariance, (k, k).
 
-        `axis` is the index of the axis. P̃ is the precision of the training rows after the nuisance
-        parameters are projected out, under the likeliest noise hypothesis that estimates may use.
-        It gives the coefficients. Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z,
-        ``A = Zᵀ P̃ Z`` and the noise covariance Σ averaged over all hypotheses. Both results are
-        None if the columns are linearly dependent.
+        The columns are the derivatives of the rows with respect to the parameters of the `effects`,
+        on the axis with the index `axis`. P̃ is the precision of the training rows after the
+        nuisance parameters are projected out, under the likeliest noise hypothesis that estimates
+        may use. It gives the coefficients. Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the
+        columns Z, ``A = Zᵀ P̃ Z`` and the noise covariance Σ averaged over all hypotheses. Both
+        results are None if the columns are linearly dependent.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:

@@ -63,8 +63,8 @@ def compare_with_noise(groups, log_prior, fitted=0):
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
     fitted : int
-        Number of fitted parameters that are not columns of a Jacobian, which is subtracted from the
-        degrees of freedom of every kind.
+        Number of fitted parameters that are not columns of a Jacobian. This number is subtracted
+        from the degrees of freedom of every kind.
 
     Returns
     -------
@@ -191,9 +191,10 @@ def why_not_shown(kind, limits, units):
     """Return the reason, text, why even the largest possible effect would not show, or None.
 
     The reason is that the detection limit of every parameter is above the largest possible size, or
-    that a limit does not exist. `kind` is the kind of effect, whose `limit` is the largest possible
-    size. `limits` are the least sizes that the data would show, SI, and `units` their units, both
-    dicts by parameter. `limits` is empty if the data would show no size that was tried.
+    that no limit exists. The result is None if some parameter could show. `kind` is the kind of
+    effect, whose `limit` is the largest possible size. `limits` are the least sizes that the data
+    would show, SI, and `units` their units, both dicts by parameter. `limits` is empty if the data
+    would show no size that was tried.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

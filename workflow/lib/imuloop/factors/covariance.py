@@ -20,7 +20,7 @@ class ChannelMeans:
 
     The windows are the n rests, then `PARTS` parts of equal length of each of the m moves: M = n +
     `PARTS` m. Slow noise (flicker and random walk) is taken relative to its mean over all rests,
-    because that mean is part of the bias.
+    because that mean is part of the estimated bias.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class ChannelMeans:
     """
 
     def __init__(self, rests, moves):
-        """Compute the windows, (M, 2), start and end of each, s."""
+        """Compute the M windows from the `rests` and `moves`: start and end of each, s, (M, 2)."""
         self.rests = rests
         ends = np.linspace(moves.start_s, moves.end_s, PARTS + 1)
         parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
@@ -40,19 +40,24 @@ class ChannelMeans:
 
     @cached_property
     def of_one(self):
-        """Covariance of the M means, (M, M), by slow noise with a coefficient of one SI unit.
+        """Covariance of M means of slow noise with a coefficient of one SI unit, a dict of (M, M).
 
-        The value is a dict: key 'B' for flicker, 'K' for random walk.
+        The means are averages of one channel over M windows: the rests, then parts of the moves.
+        The key 'B' stands for flicker, 'K' for random walk. Noise with another coefficient has this
+        covariance times the square of the coefficient.
         """
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {term: self._subtract_mean(self._covariance(one)) for term, one in ones.items()}
 
     def covariance(self, noise, channel):
-        """Return the covariance of the M means of one channel, (M, M), SI units squared.
+        """Return the covariance of M means of one channel by its noise, (M, M), SI units squared.
 
-        `channel` is the index of the channel, in the order ax … gz. The covariance by the
-        NoiseModel `noise` is added to the variance of rests by rounding and tilts. White noise in
-        moves is left out: `ResidualCovariance` adds it sample by sample.
+        The means are averages of the channel over the n rests, then over `PARTS` parts of each
+        move. `channel` is the index of the channel, in the order ax … gz, and `noise` is the
+        NoiseModel. The variances of rests include errors by rounding and tilts. If the model has
+        neither white noise nor quantisation, the scatter of the samples within each rest gives the
+        variances of rests instead. White noise in moves is left out: `ResidualCovariance` adds it
+        sample by sample.
         """
         rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
         # only white noise and quantisation: all other noise is slow
@@ -74,17 +79,19 @@ class ChannelMeans:
         return covariance + slow
 
     def _covariance(self, model):
-        """Return the covariance of the M means, (M, M), for a channel with the noise `model`.
+        """Return the covariance of the M means of a channel with the noise `model`, (M, M).
 
-        `model` is an AxisNoise, the coefficients of the noise.
+        The means are averages over M windows: the rests, then parts of the moves. `model` is an
+        AxisNoise, the coefficients of the noise of one channel.
         """
         return model.mean_covariance(self.windows, self.edges)
 
     def _subtract_mean(self, covariance):
-        """Return the covariance, (M, M), of the M means minus their mean over all rests.
+        """Return the covariance, (M, M), of M means minus their average over all rests.
 
-        `covariance`, (M, M), belongs to the M means before this subtraction. In the mean over all
-        rests, each rest has its duration as its weight.
+        The M means are averages of the noise of one channel over the rests, then over parts of the
+        moves. `covariance`, (M, M), is their covariance before the subtraction. In the average over
+        all rests the weight of a rest is its duration. The estimated bias absorbs this average.
         """
         share = np.zeros(len(covariance))
         share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
@@ -106,11 +113,16 @@ class ResidualCovariance:
 
     Noise of different power cycles is independent.
 
-    The argument is the Linearised factors, of whose residuals the fit uses N.
+    The argument `linearised` is a Linearised: the residuals of the recording and their derivatives,
+    at these parameters. The fit uses N of these residuals.
     """
 
     def __init__(self, linearised):
-        """Store the residuals of moves, and compute the gains, which tell how means enter."""
+        """Store the residuals of the moves in `linearised`, and compute the gain of each channel.
+
+        The gain is the derivative of the residuals with respect to the means of the channel over
+        rests and over parts of moves.
+        """
         measured, self.means = linearised.measured, linearised.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
         self.rows, self.places = linearised.move_rows, linearised.places
@@ -120,9 +132,10 @@ class ResidualCovariance:
         self.gains = [csr_array(gain) for gain in self._gains(linearised.rest_rows)]
 
     def by(self, noise, aliasing=True):
-        """Return the covariance of the N residuals in the fit, (N, N), by a NoiseModel.
+        """Return the covariance, (N, N), that noise gives the N residuals in the fit.
 
-        If `aliasing` is true, errors of rotations by undersampling are included.
+        `noise` is the NoiseModel, the coefficients of the noise of each channel. If `aliasing` is
+        true, errors of rotations by undersampling are included; if false, they are left out.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
@@ -140,8 +153,9 @@ class ResidualCovariance:
     def component(self, channel, term):
         """Return the covariance of the N residuals in the fit, (N, N), by one term of slow noise.
 
-        `channel` is the name of the channel. `term` is 'B', flicker, or 'K', random walk. Its
-        coefficient is one SI unit.
+        `channel` is the name of the channel that has this noise. `term` is 'B', flicker, or 'K',
+        random walk. The coefficient of the noise is one SI unit; the covariance grows with the
+        square of the coefficient.
         """
         gain = self.gains[CHANNELS.index(channel)]
         return self._select_counted(_propagate(gain, self.means.of_one[term]))
@@ -159,7 +173,8 @@ class ResidualCovariance:
     def _select_counted(self, covariance):
         """Return the part of a covariance that belongs to the N residuals in the fit, (N, N).
 
-        `covariance`, (L, L), belongs to all L residuals of the recording.
+        `covariance`, (L, L), belongs to all L residuals of the recording; N of them count in the
+        fit.
         """
         counted = self.counted
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
@@ -168,8 +183,8 @@ class ResidualCovariance:
     def _within(self):
         """Covariance of the residuals of each move by white noise of density one, (6, m, a, a).
 
-        The axes are the channel, in the order ax … gz, the move, and twice the a residuals of the
-        move.
+        The axes are the channel that has the noise, in the order ax … gz, the m moves, and twice
+        the a residuals of a move.
         """
         a = self.rows.residual.shape[1]
         by_turn = np.moveaxis(self.rows.by_turn, -1, 0)
@@ -185,8 +200,9 @@ class ResidualCovariance:
     def _extra(self, covariance):
         """Return the covariance, (m, a, a), of each move's a residuals by errors of its rotation.
 
-        `covariance`, (m, g, 3, 3), rad², belongs to these errors: a move has g of them, which arise
-        in g parts of the rotation, each on three body axes.
+        These errors come from dropped samples, jitter or undersampling. A move has g of them, at g
+        of its time steps, each on three body axes. `covariance`, (m, g, 3, 3), rad², is the
+        covariance of each error; different errors are independent.
         """
         # (m, g): index of the time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
@@ -195,10 +211,11 @@ class ResidualCovariance:
 
     @cached_property
     def _tilt_columns(self):
-        """Columns C, (3, L, c): white noise in rests with a tilt gives the covariance ``C Cᵀ``.
+        """Factors of the covariance by white noise in rests in which the device tilts, (3, L, c).
 
-        The axes are the three angular rates, the L residuals, whether the fit uses them or not, and
-        c columns for each rate. The noise has the density one.
+        The first axis has the three angular rates. White noise of density one in a rate gives the L
+        residuals the covariance ``C Cᵀ``, with the factor C, (L, c), of this rate. C has two
+        columns for each rest with a tilt. The L residuals include those that the fit does not use.
 
         If the device tilts in a rest of duration T, the direction of gravity at its start and at
         its end follows from the mean direction and a small rotation by the gyroscope. White noise n
@@ -220,9 +237,10 @@ class ResidualCovariance:
         """Return the derivative of all L residuals with respect to the means of each channel.
 
         The result is (6, L, M): the six channels in the order ax … gz, the residuals, and M means
-        of the channel, first over the n rests, then over `PARTS` parts of each move. K and T of the
-        gyroscope are taken as one, which they are within a few percent. `rest_rows` has the
-        residuals at rests and their derivatives, RestRows of accelerometer and gyroscope.
+        of the channel, first over the n rests, then over `PARTS` parts of each move. The scale
+        factors K and the misalignment T of the gyroscope are taken as one, which they are within a
+        few percent. `rest_rows` has the residuals at rests and their derivatives, RestRows of
+        accelerometer and gyroscope.
         """
         rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
         gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
@@ -263,6 +281,7 @@ def _integrate_parts(values, seconds, passed):
 def _propagate(gain, covariance):
     """Return the covariance ``G C Gᵀ``, (N, N), of G x, if x has the covariance C, (M, M).
 
-    G is the `gain`, (N, M), which may be sparse.
+    Here G x are the errors of N residuals by the errors x of M means of a channel. G is the `gain`,
+    (N, M), which may be sparse, and C is `covariance`.
     """
     return gain @ (gain @ covariance).T

@@ -43,7 +43,8 @@ class Factors:
     sensors : tuple of str
         Sensors whose data count.
     quiet : ndarray of bool, shape (m,), or None
-        Whether the fit uses the velocity of each of m moves; None if it uses no velocity.
+        Whether each of m moves is quiet enough for the fit to use the velocity at its end; None if
+        the fit uses no velocity.
     share : ndarray, shape (m, 3, 2), or None
         Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. This
         velocity is subtracted from the residual of the velocity. None stands for zero.
@@ -59,7 +60,10 @@ class Factors:
 
     @property
     def kinds(self):
-        """Kinds of residuals that count: by kind, its SI unit and number of components."""
+        """Kinds of residuals that count in the fit, a dict.
+
+        Each kind has its SI unit and its number of components.
+        """
         owners = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
         kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in owners}
         if "accelerometer" not in owners:
@@ -69,7 +73,7 @@ class Factors:
         return kinds
 
     def every_row(self, recording):
-        """Return four arrays, (M,), that describe all M residuals of a Recording.
+        """Return four arrays, (M,), that describe all M scalar residuals of a `recording`.
 
         1. The kind of each residual.
         2. The index of the rest where the residual starts.
@@ -94,14 +98,14 @@ class Factors:
     def rows(self, recording):
         """Return the rests, (N, 2) of int, and the kind, (N,) of str, of N residuals.
 
-        They are the residuals of a Recording that the fit uses. The columns of the first array are
-        the index of the rest where the residual starts, and of the rest where it ends.
+        They are the scalar residuals of the `recording` that the fit uses. The columns of the first
+        array are the index of the rest where the residual starts, and of the rest where it ends.
         """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
 
     def owners(self, recording):
-        """Return the owner of each of the N residuals of a Recording in the fit, (N,) of str.
+        """Return the owner of each of the N residuals of a `recording` in the fit, (N,) of str.
 
         The owner is the name of the sensor that the residual measures. A velocity depends on both
         sensors: its owner is "motion".
@@ -109,12 +113,12 @@ class Factors:
         return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def linearised_about(self, recording, state):
-        """Return the Measurements of a Recording, with the effects linearised about a State.
+        """Return the Measurements of a `recording`, with the effects linearised about a `state`.
 
-        Effects depend on calibrated values. The State gives these values: it has the parameters of
-        both sensors and of the effects. If the accelerometer is not used (for example, it is dead),
-        all poses get gravity along z as a placeholder. Then an effect of the specific force on the
-        gyroscope is the same in all poses, as a bias is.
+        Effects depend on calibrated values. The State gives these values during the whole fit: it
+        has the parameters of both sensors and of the effects. If the accelerometer is not used (for
+        example, it is dead), all poses get gravity along z as a placeholder. Then an effect of the
+        specific force on the gyroscope is the same in all poses, as a bias is.
         """
         if "accelerometer" not in self.sensors:
             up = np.tile([0.0, 0.0, self.gravity], (len(recording.poses), 1))
@@ -127,7 +131,8 @@ class Factors:
         The residual of a rotation predicts a part of the velocity residual of the same move, as
         both have the same noise. The new Factors subtract this part, which is `share`, (m, 3, 2),
         times the residual of the rotation, for each of m moves. The share follows from the
-        covariance of both residuals in a Recording, at a State, by the NoiseModel `noise`.
+        covariance of both residuals in the `recording`, at the State `state`, by the NoiseModel
+        `noise`.
         """
         all_moves = np.ones(len(recording.rotations), dtype=bool)
         factors = replace(self, share=None, quiet=all_moves)
@@ -143,9 +148,9 @@ class Factors:
 class Measurements:
     """Rests and moves of a recording, with the effects linearised about a State.
 
-    `factors` says which residuals of the rests and moves the fit uses. Effects depend on calibrated
-    values of both sensors. The State `linearisation_point` gives these values during the whole fit,
-    so that the effects are linear in their parameters.
+    `recording` is the Recording, and `factors` says which residuals of its rests and moves the fit
+    uses. Effects depend on calibrated values of both sensors. The State `linearisation_point` gives
+    these values during the whole fit, so that the effects are linear in their parameters.
     """
 
     factors: Factors
@@ -171,18 +176,19 @@ class Measurements:
     def designs(self):
         """By sensor, the derivative of the sum of its effects with respect to their q parameters.
 
-        The derivative is a pair: at the rests, (n, 3, q), and at the samples of the moves, (m, k,
-        3, q). The latter is None for the accelerometer if the fit uses no velocity. The axis of
-        length 3 has the axes of the sensor.
+        The derivative is a pair: at the n rests, (n, 3, q), and at the k samples of each of m
+        moves, (m, k, 3, q). The latter is None for the accelerometer if the fit uses no velocity.
+        The axis of length 3 has the axes of the sensor.
         """
         return self.designs_at(self.linearisation_point)
 
     def designs_at(self, state):
-        """Return `designs`, the derivatives of the effects, at another State, a dict by sensor.
+        """Return `designs`, the derivatives of the effects, at the State `state`, a dict by sensor.
 
         The derivative of the sum of a sensor's effects with respect to their q parameters is a
-        pair: at the rests, (n, 3, q), and at the samples of the moves, (m, k, 3, q). The latter is
-        None for the accelerometer if the fit uses no velocity.
+        pair: at the n rests, (n, 3, q), and at the k samples of each of m moves, (m, k, 3, q). The
+        axis of length 3 has the axes of the sensor. The second entry is None for the accelerometer
+        if the fit uses no velocity.
         """
         recording = self.recording
         return {
@@ -196,16 +202,20 @@ class Measurements:
         }
 
     def at(self, x):
-        """Return the residuals and their Jacobian at the parameters `x`, (p,), a Linearised."""
+        """Return the residuals and their Jacobian at the parameters `x`, a Linearised.
+
+        `x`, (p,), has the parameters of both sensors, then those of the effects.
+        """
         return Linearised(self, State(x, self.linearisation_point.effects))
 
 
 def _design(sensor, state, table, channels):
     """Return the derivative of the sum of a sensor's effects by their q parameters, (..., 3, q).
 
-    It is taken at the values in `table`, the Poses, (n, 3, q), or the Rotations, (m, k, 3, q). The
-    State has the effects and the calibration. `channels` is the method of the recording that
-    returns the Channels there: the inputs of effects.
+    The axis of length 3 has the axes of the sensor, whose name is `sensor`. The derivative is taken
+    at the values in `table`: the Poses, then the result is (n, 3, q) for n rests, or the Rotations,
+    then it is (m, k, 3, q) for k samples of m moves. `state` has the effects and the calibration.
+    `channels` is the method of the recording that returns the inputs of effects at these values.
     """
     # values of the sensor and of the other one, nominal SI
     y, other_y = (getattr(table, name) for name in OWN[sensor])

@@ -14,9 +14,10 @@ from imuloop.model.state import BIAS, COUNT, NAMES, State
 
 @dataclass(frozen=True)
 class MoveTerm:
-    """How residuals of m moves depend on the calibrated values of one sensor: one term of a sum.
+    """One term of the derivative of the residuals of m moves: the part by values of one sensor.
 
-    The values are k samples of each move, or the mean over the rest before or after it; then k is
+    The derivative is the sum of several terms. The values of a term are calibrated values of the
+    sensor: k samples of each move, or the mean over the rest before or after the move; then k is
     one. The term enters the last a residuals of each move.
     """
 
@@ -27,20 +28,22 @@ class MoveTerm:
     rest: np.ndarray | None = None  # (m,): index of the rest; None for the samples of the move
 
     def design(self, designs):
-        """Return the derivative of the sensor's effects at the values, (m, k, 3, q).
+        """Return the derivative of the sensor's effects at the values of the term, (m, k, 3, q).
 
-        It is with respect to the q parameters of the effects, on the three axes of the sensor.
-        `designs` has by sensor the derivatives at the rests, (n, 3, q), and at the samples of the
-        moves, (m, k, 3, q).
+        The values are k values on three axes for each of m moves. The derivative is with respect to
+        the q parameters of the effects. `designs` has by sensor a pair of derivatives: at the n
+        rests, (n, 3, q), and at the samples of the moves, (m, k, 3, q).
         """
         at_rests, along = designs[self.sensor]
         return along if self.rest is None else at_rests[self.rest, None]
 
     def rows(self, places):
-        """Return the indices of the a residuals of each move in a Jacobian, (m, a, 1).
+        """Return the indices of the a residuals of each of m moves that the term enters, (m, a, 1).
 
-        `places` has the indices of all residuals of each move. The term enters the last ones: a
-        force during the move changes only the velocities.
+        They are row numbers of a Jacobian. The last axis, of length one, is there to combine them
+        with numbers of columns. `places`, (m, 2 or 5), has the indices of all residuals of each
+        move. The term enters the last a of them: a force during the move changes only the
+        velocities.
         """
         return places[:, -self.weights.shape[2] :, None]
 
@@ -138,7 +141,10 @@ class Linearised:
 
     @cached_property
     def move_terms(self):
-        """List of MoveTerm, whose sum is how the residuals of moves depend on calibrated values."""
+        """Terms whose sum is the derivative of the residuals of moves, a list of MoveTerm.
+
+        The derivative is with respect to the calibrated values of both sensors.
+        """
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
         # the rate of a step is the mean of the rates at its ends
         by_rate = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))

@@ -42,11 +42,11 @@ class MoveRows:
     residual : ndarray, shape (m, a, 1)
         Residuals, SI.
     by_start, by_end : ndarray, shape (m, a, 3)
-        Derivative with respect to the calibrated specific force at the rest before the move, and at
-        the rest after it.
+        Derivative of the residuals with respect to the calibrated specific force at the rest before
+        the move, and at the rest after it.
     by_turn : ndarray, shape (m, k - 1, a, 3)
-        Derivative with respect to a small rotation, rad, in the middle of each time step, on the
-        body axes there.
+        Derivative of the residuals with respect to a small rotation, rad, in the middle of each
+        time step, on the body axes there.
     by_force : ndarray, shape (m, k, b, 3), or None
         Derivative of the last b components with respect to the integral of calibrated specific
         force over the time of each sample; None if no residual depends on it.
@@ -67,7 +67,7 @@ class MoveRows:
         """
 
         def stack(name, share):
-            """Return one field, `name`, of R and then of ``S - share R``, along the components."""
+            """Return the field `name` of the rows R, then of ``S - share R`` with this `share`."""
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
