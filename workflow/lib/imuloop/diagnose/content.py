@@ -79,7 +79,7 @@ def search_content(choices, fitted, reasons, sensor):
     -------
     dict
         ``effects``, the added effects; ``candidates``, all effects with the result of their test;
-        and ``confounded``, pairs of effects that these data cannot tell apart.
+        and ``confounded``, pairs of effects that these data can hardly tell apart.
     """
     problem = choices.problem
     kinds = [kind for kind in choices.kinds if getattr(kind, "sensor", sensor) == sensor]
@@ -106,10 +106,10 @@ def search_content(choices, fitted, reasons, sensor):
 
 
 def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
-    """Return the verdict on the residuals, and each kind of residual compared with its floor.
+    """Return the verdict on the residuals of a record, and each kind of residual with its floor.
 
-    The floor is the held-out error that the noise alone gives. The comparison is made twice:
-    without and with the added effects.
+    The floor is the held-out error that the noise alone gives. Residuals are compared with it
+    twice: by a model without and by one with the added effects.
 
     Parameters
     ----------
@@ -155,7 +155,8 @@ def residuals_content(problem, kinds, comparisons, errors, floor, has_effects):
 def untried(name, status, why):
     """Return the entry in diagnosis.json of an effect that was not tried, a dict.
 
-    `name` is the name of the effect, and `why` the reason for its `status`, all texts.
+    `name` is the name of the effect, and `why` the reason for its `status`, all texts. Figures of a
+    test, such as the p-value, are None.
     """
     figures = ("p_value", "heldout_after", "detection_limit", "confounded_with")
     return {"name": name, "status": status, "why": why, **dict.fromkeys(figures)}
@@ -254,10 +255,11 @@ def _by_slow_noise(search, base, trial):
 
 
 def size_of(problem, kind, errors):
-    """Return the root mean square norm of the residuals of one kind, a float.
+    """Return the root mean square norm of the residuals of one kind, a float, SI.
 
-    `errors`, (n, k), are the n rows of that kind, with one column for each of k axes. A residual
-    consists of `problem.kinds[kind][1]` consecutive rows, its components. The norm of a residual is
-    over its components on all axes.
+    `kind` is the kind of residual, such as rotation, and `problem` the PoseProblem or
+    StaticProblem. `errors`, (n, k), are the residuals or held-out errors in the n rows of this
+    kind, with one column for each of k axes. A residual consists of `problem.kinds[kind][1]`
+    consecutive rows, its components. The norm of a residual is over its components on all axes.
     """
     return rms_norm(errors.reshape(-1, problem.kinds[kind][1] * errors.shape[1]))

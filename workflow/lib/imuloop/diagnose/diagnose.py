@@ -156,7 +156,10 @@ def diagnose_device(
 
 
 def _names(sessions, kinds):
-    """Return the names of the sessions of the given kinds that were not rejected, a list."""
+    """Return the names of the sessions of some kinds that were not rejected, a list of str.
+
+    `sessions` has a dict of each session by name, and `kinds` are the kinds that count.
+    """
     return [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
 
 
@@ -225,10 +228,12 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
 
 
 def with_static_effects(calibration, effects, records):
-    """Return the SensorCalibration of a sensor with the FittedEffects of its static records.
+    """Return the SensorCalibration of a sensor with the effects of its static records.
 
-    If the sensor was only calibrated at rest (`method` is ``static``), its bias is estimated again:
-    it is the mean over the `records`, a list of StaticRecord, after the effects are subtracted.
+    `calibration` is the SensorCalibration without them, and `effects` are the FittedEffects. A
+    static record is a rest of minutes to hours, as means over windows; `records` is the list of
+    StaticRecords. If the sensor was only calibrated at rest (`method` is ``static``), its bias is
+    estimated again: it is the mean over the records after the effects are subtracted.
     """
     b = calibration.b
     if effects and calibration.method == "static":

@@ -49,10 +49,11 @@ class MotionProblem(PoseProblem):
 
     @cached_property
     def rows(self):
-        """Index of the move of each row, (n, 2), in two equal columns, and kind of each row, (N,).
+        """The move of each row, (n, 2) of int, and the kind of residual of each row, (N,) of str.
 
-        The kind is the kind of residual. Rows of poses have the index -1. The last N - n rows come
-        from a prior and have no index.
+        A row is one component of a residual. The first array has the index of the move twice, as a
+        move is held out as a whole; rows of poses have the index -1. The last N - n rows come from
+        a prior and have no index.
         """
         poses, kind = super().rows
         move = np.searchsorted(self.recording.rotations.first, poses[:, :1])
@@ -61,10 +62,11 @@ class MotionProblem(PoseProblem):
 
     @cached_property
     def error_scale(self):
-        """Standard deviation of each row by the noise, (N,), the unit of its held-out error.
+        """Standard deviation of each of N rows by the noise, (N,), the unit of its held-out error.
 
-        The noise is the likeliest one without effects. Its standard deviation is a good unit
-        because it grows with the length of a move, as the error by a missing effect does.
+        A row is one component of a residual. The noise is the likeliest one without effects. Its
+        standard deviation is a good unit because it grows with the length of a move, as the error
+        by a missing effect does.
         """
         # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
@@ -87,9 +89,10 @@ def candidates_in_motion(nuisance_kinds):
 
 
 def motion_products(sensor):
-    """Return the Products that only motion shows, a tuple, empty for the gyroscope.
+    """Return the Products that only motion shows on a `sensor`, a tuple of effects to try.
 
-    They are products of specific force and angular rate, as errors of the accelerometer.
+    They are products of specific force and angular rate, as errors of the accelerometer. The tuple
+    is empty if `sensor`, the name, is the gyroscope.
     """
     every_product = products(sensor, "fw") if sensor == "accelerometer" else ()
     return tuple(product for product in every_product if "motion" in product.records)
@@ -162,8 +165,8 @@ def diagnose_motion(poses):
 def _too_few_moves(recording, usable, knock, lossy, tilted):
     """Return the reason, text, why too few moves are usable, with a remedy.
 
-    `usable`, (m,) of bool, says which of the m moves are usable. The other arguments are faults of
-    each move:
+    `usable`, (m,) of bool, says which of the m moves of the `recording` are usable. The other
+    arguments, (m,) each, are faults of each move:
 
     - `knock`, the velocity that the move may lose between two samples, m/s; nan if the specific
       force is saturated.
@@ -184,8 +187,9 @@ def _too_few_moves(recording, usable, knock, lossy, tilted):
 def _has_step(recording, effects):
     """Return the moves in which a bias has a step, a mask, (m,) of bool.
 
-    Such moves are not used, as it is not known when in the move the step is. `effects` are the
-    SensorEffects of the model, and `recording` has the m moves.
+    A step is an effect: a bias changes at one time and stays. Moves with one are not used, as it is
+    not known when in the move the step is. `effects` are the SensorEffects of the model, and
+    `recording` has the m moves.
     """
     mid, first = recording.poses.mid_s, recording.rotations.first
     times = [effect.effect.times[0] for effect in effects if effect.name == Steps.name]
@@ -197,7 +201,7 @@ def no_result(why, columns=None):
     """Return the PoseResult of moves that cannot be tested.
 
     `why` is the reason, one line of text. `columns` are columns of moves.parquet that were computed
-    before, a dict.
+    before, a dict; none by default.
     """
     contents = {sensor: not_testable(why) for sensor in SENSORS}
     return PoseResult(contents, residuals=columns or {})
@@ -206,23 +210,25 @@ def no_result(why, columns=None):
 def knocks(recording, gyroscope_bias):
     """Return the largest velocity that each move may gain or lose unseen by a knock, m/s, (m,).
 
-    A knock shorter than a sample interval may not be sampled. Each sample interval Δt may hide the
-    velocity ``|Δf + w × f Δt| Δt``, with the change Δf of specific force. The result is the largest
-    of these over the intervals of a move. A move in which the specific force is saturated has nan.
-    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
+    `recording` has the m moves. A knock shorter than a sample interval may not be sampled. Each
+    sample interval Δt may hide the velocity ``|Δf + w × f Δt| Δt``, with the change Δf of specific
+    force. The result is the largest of these over the intervals of a move. A move in which the
+    specific force is saturated has nan. `gyroscope_bias`, (3,), is in nominal SI (raw readings by
+    the data sheet), rad/s; w is the angular rate minus this bias.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the velocity error of each move by dropped samples, over its error by noise, (m,).
+    """Return the ratio of two velocity errors of each move: by dropped samples over by noise, (m,).
 
-    Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
-    third of ``|Δf + w × f Δt| Δt``. Here Δf is the change of specific force f over the gap, and w
-    the angular rate. White noise with the variance σ² of a sample gives a velocity error of
-    ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `gyroscope_bias`, (3,), is in
-    nominal SI (raw readings by the data sheet), rad/s.
+    Dropped samples may hide so much of a move that its velocity cannot be used. Specific force is
+    interpolated over a gap of the length Δt, with a velocity error of about a third of
+    ``|Δf + w × f Δt| Δt``. Here Δf is the change of specific force f over the gap, and w the
+    angular rate. White noise with the variance σ² of a sample gives a velocity error of
+    ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `recording` has the m moves;
+    `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):
@@ -240,7 +246,8 @@ def unsampled_velocity(rotations, gyroscope_bias):
 
     It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force f over the interval Δt. The
     term ``w × f Δt`` cancels the change that the turn at the angular rate w makes. `rotations` are
-    the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal SI, rad/s.
+    the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal SI (raw readings by
+    the data sheet), rad/s.
     """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps

@@ -30,18 +30,19 @@ class Linearization:
 
     @property
     def slow(self):
-        """Components of slow noise, a list of Component.
+        """Variance components of slow noise, a list of Component.
 
-        The noise model gives their sizes and the errors of these sizes.
+        The noise model gives their sizes and the errors of these sizes. The other components, an
+        excess for each kind of residual, have no prior size.
         """
         return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
 
     @property
     def variance(self):
-        """Variance of each of the N rows by the noise as estimated, (N,).
+        """Variance of each of the N rows (scalar residuals) by the noise as estimated, (N,).
 
-        The sizes of slow noise are those in the noise model. The excess of each kind of residual is
-        left out.
+        The sizes of slow noise are those in the noise model. The excess of each kind of residual,
+        noise that the noise model lacks, is left out.
         """
         slow = (np.diag(c.covariance) * c.size**2 for c in self.slow)
         return np.diag(self.likelihood.fixed) + sum(slow)
@@ -50,11 +51,12 @@ class Linearization:
     def alternatives(self):
         """Alternatives of the noise for the verdict: m log priors, (m,), and a list of covariances.
 
-        The list has m covariances of the rows, (N, N). They lie between two ends: the noise as
-        estimated, which is the first, and the noise with the likeliest sizes of all slow
-        components. Alternative j is the share `PATH[j]` of the way from the first to the second.
-        The whole way has the length d, in standard deviations of the estimates, so that the
-        logarithm of the prior probability is ``-(d PATH[j])²/2``.
+        An alternative is one covariance that the noise may have. The list has m covariances of the
+        rows (scalar residuals), (N, N). They lie between two ends: the noise as estimated, which is
+        the first, and the noise with the likeliest sizes of all slow components. Alternative j is
+        the share `PATH[j]` of the way from the first to the second. The whole way has the length d,
+        in standard deviations of the estimates, so that the logarithm of the prior probability is
+        ``-(d PATH[j])²/2``.
         """
         fixed, slow = self.likelihood.fixed, self.slow
         sizes = np.array([component.size for component in slow])
@@ -65,15 +67,19 @@ class Linearization:
 
     @cached_property
     def error_covariances(self):
-        """List of m covariances of the held-out errors, (N, N), one for each alternative."""
+        """Covariances of the held-out errors of N rows, a list of m arrays, (N, N).
+
+        There is one for each of the m alternatives, covariances that the noise may have. Each fold
+        is predicted by a fit to the rows outside it.
+        """
         return self.error_covariances_by(self.alternatives[1])
 
     def error_covariances_by(self, covariances):
         """Return the covariance of the held-out errors for each covariance of the rows, a list.
 
-        `covariances` has the covariances of the rows, (N, N) each; the covariances of the errors
-        have the same shape. Each fold is predicted by a fit, with the effects, to the rows outside
-        it.
+        `covariances` has the covariances of the N rows (scalar residuals), (N, N) each; the
+        covariances of the errors have the same shape. Each fold is predicted by a fit, with the
+        effects, to the rows outside it.
         """
         folds = self.evidence.row_folds
         return [held_out_covariance(noise, self.jacobian, folds) for noise in covariances]
@@ -82,10 +88,10 @@ class Linearization:
 def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses in which the noise of one kind of residual may be larger alone.
 
-    A hypothesis is one covariance that the noise may have. Under each, the components of one kind
-    of residual have the likeliest sizes and the components of all other kinds have the sizes as
-    estimated, or the reverse. The first hypothesis has all sizes as estimated, and the last one has
-    all likeliest sizes.
+    A hypothesis is one covariance that the noise may have. It has the sizes of variance components.
+    Under most hypotheses, the components of one kind of residual have the likeliest sizes and the
+    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
+    has all sizes as estimated, and the last one has all likeliest sizes.
 
     Parameters
     ----------
@@ -101,7 +107,7 @@ def kind_hypotheses(components, likelihood, likeliest):
     Hypotheses
         h hypotheses.
     ndarray, shape (h,) of bool
-        Which of them have all sizes as estimated.
+        Whether all sizes of each hypothesis are as estimated.
     """
     kinds, number = np.unique([c.kind for c in components], return_inverse=True)
     # which kinds have the likeliest sizes: none, one, all but one, all

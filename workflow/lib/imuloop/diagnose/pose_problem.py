@@ -55,16 +55,16 @@ class PoseProblem:
 
     @cached_property
     def folds(self):
-        """Number of folds."""
+        """Number of folds: groups of poses, of which cross-validation holds out one at a time."""
         return int(self.fold_of_pose.max()) + 1
 
     @cached_property
     def static_rows(self):
         """Knowledge from static records about effects, as rows ``R θ - z`` of a prior.
 
-        θ are the q parameters of an effect, and ``R θ - z`` has mean 0 and variance 1. The value is
-        a dict of R, (s, q), by effect, and z, (s,). With the Fisher information A and the moment b
-        of the static records, ``Rᵀ R = A`` and ``Rᵀ z = b``.
+        θ are the q parameters of an effect, and ``R θ - z`` has mean 0 and variance 1. The value
+        has two parts: a dict of R, (s, q), by effect, and z, (s,), for s rows. With the Fisher
+        information A and the moment b of the static records, ``Rᵀ R = A`` and ``Rᵀ z = b``.
         """
         if self.static is None:
             return {}, np.zeros(0)
@@ -98,34 +98,41 @@ class PoseProblem:
 
     @cached_property
     def rows(self):
-        """The first and last pose of each row, indices, (n, 2), and the kind of each row, (N,).
+        """First and last pose of each row, (n, 2) of int, and the kind of each row, (N,) of str.
 
-        The row of a pose has this pose twice; the row of a move has the poses at its ends. The kind
-        is the kind of residual. The N - n last rows come from the prior: they have no pose, and
-        their kind is an empty string.
+        A row is one component of a residual. The row of a pose has the index of this pose twice;
+        the row of a move has the poses at its ends. The kind is the kind of residual. The N - n
+        last rows come from the prior: they have no pose, and their kind is an empty string.
         """
         ends, kind = self.joint_fit.rows(self.recording)
         return ends, np.append(kind, np.full(len(self.prior(())[1]), ""))
 
     @cached_property
     def row_folds(self):
-        """Folds of the first and the last pose of each row, (N, 2): one column for each pose.
+        """Folds of the first and the last pose of each row, (N, 2), one column for each.
 
-        A row of the prior has no pose; it has -1 in both columns, which stands for no fold.
+        A row is one component of a residual of a pose or of a move between two poses. A fold has
+        the poses that cross-validation holds out together; it has a number. A row of the prior has
+        no pose; it has -1 in both columns, which stands for no fold.
         """
         folds, kind = self.fold_of_pose[self.rows[0]], self.rows[1]
         return np.pad(folds, ((0, len(kind) - len(folds)), (0, 0)), constant_values=-1)
 
     @property
     def fold_of_row(self):
-        """Fold that each row is held out with, (N,): the fold of its first pose."""
+        """Fold that each of N rows is held out with, (N,): the fold of its first pose, or -1.
+
+        A row is one component of a residual; -1 stands for no fold.
+        """
         return self.row_folds[:, 0]
 
     def residuals(self, search, effects):
-        """Return the residuals of all N rows, (N, 1), by a fit of effects to the training rows.
+        """Return the residuals of all N rows, (N, 1), by a fit of `effects` to the training rows.
 
-        `search` is the Search, which says which rows are training rows. Held-out rows next to a
-        step of the bias are nan: the training poses do not show on which side of the step they are.
+        A row is one component of a residual; the second axis is the single axis of this problem.
+        `search` is the Search, which says which rows are training rows and which are held out.
+        Held-out rows next to a step of the bias are nan: the training poses do not show on which
+        side of the step they are.
         """
         residuals = search.training_fit(effects).residuals(effects, 0)
         for effect in effects:
@@ -136,10 +143,11 @@ class PoseProblem:
     def _rows_next_to_step(self, effect, held_out):
         """Return the indices of held-out rows that a step leaves uncertain.
 
-        `effect` is the step, a SensorEffect. The training poses show only that the step lies
-        between the last training pose before it and the first one after it. A held-out pose between
-        these two may lie on either side of the step, so the rows that depend on this pose cannot be
-        predicted. `held_out` has the numbers of the held-out folds.
+        `effect` is the step, a SensorEffect: the bias of a sensor changes at one time. The training
+        poses show only that the step lies between the last training pose before it and the first
+        one after it. A held-out pose between these two may lie on either side of the step, so the
+        rows that depend on this pose cannot be predicted. `held_out` has the numbers of the
+        held-out folds.
         """
         is_held_out, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
@@ -154,12 +162,12 @@ class PoseProblem:
         return np.flatnonzero(of_sensor & np.isin(poses_of_row, poses).any(axis=1))
 
     def of_kind(self, kind):
-        """Return the mask of the rows that belong to one kind of residual, (N,) of bool."""
+        """Return the mask of the rows that belong to the kind of residual `kind`, (N,) of bool."""
         return self.rows[1] == kind
 
     @property
     def kinds(self):
-        """Kinds of residuals: by kind, its SI unit and number of components."""
+        """Kinds of residuals, a dict by name: the SI unit and the number of components."""
         return self.joint_fit.kinds
 
     def with_folds(self, fold_of_pose):
@@ -184,7 +192,11 @@ class PoseProblem:
         return replace(self, variants=self.variants | formulas, tests=count)
 
     def linearization(self, effects=()):
-        """Return the Linearization at the fit of all poses with some effects; it is stored."""
+        """Return the Linearization at the fit of all poses with some `effects`, a tuple.
+
+        It has the residuals, their derivatives and their noise. It is computed once and then
+        stored.
+        """
         if effects in self._fits:
             return self._fits[effects]
         all_effects = (*self.nuisance_effects, *effects)
@@ -210,7 +222,11 @@ class PoseProblem:
         fitted_patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
         def designs(variants):
-            """Return for each variant the derivative of all rows by its q parameters, (N, 1, q)."""
+            """Return for each variant the derivative of the N rows by its q parameters, (N, 1, q).
+
+            `variants` are effects with values of their constants. The middle axis is the single
+            axis of this problem.
+            """
             new = [variant for variant in variants if variant not in fitted_patterns]
             patterns = fitted_patterns | self.patterns(new)
             return [patterns[variant] for variant in variants]
@@ -239,10 +255,12 @@ class PoseProblem:
     refit = linearization
 
     def patterns(self, effects):
-        """Return for each effect the derivative of all N rows by its q parameters, (N, 1, q).
+        """Return for each effect the derivative of the N rows by its q parameters, (N, 1, q).
 
-        The result is a dict; its keys are the effects. The derivatives are taken at the fit without
-        effects, and stored. The last rows belong to the prior.
+        A pattern is this derivative. The result is a dict; its keys are the `effects`. A row is one
+        component of a residual, and the middle axis is the single axis of this problem. The
+        derivatives are taken at the fit without effects, and stored. The last rows belong to the
+        prior.
         """
         new, first = [e for e in effects if e not in self._columns], len(self.joint_fit.names)
         factors = self.linearization(()).factors
@@ -253,11 +271,11 @@ class PoseProblem:
         return {effect: self._columns[effect] for effect in effects}
 
     def nearest_linearization(self, effects):
-        """Return the stored Linearization whose effects are the largest part of `effects`.
+        """Return the stored Linearization that has most of the `effects`, and no other effects.
 
-        It has no effects other than these. The rows are taken as linear in the effects that it
-        lacks, by the derivatives in its Evidence. So a fit without some fold, which may choose
-        other effects, needs no new fit of all poses.
+        A Linearization is the fit of all poses with some effects. The rows are taken as linear in
+        the effects that it lacks, by the derivatives in its Evidence. So a fit without some fold,
+        which may choose other effects, needs no new fit of all poses.
         """
         subsets = [stored for stored in self._fits if set(stored) <= set(effects)]
         return self.linearization(max(subsets, key=len, default=()))
@@ -265,14 +283,16 @@ class PoseProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit: least squares of the rows without the folds in `held_out`.
 
-        The rows are linearised at a fit that has the effects in `base`, or some of them.
+        `held_out` is a set of numbers of folds. The rows are linearised at a fit of all poses that
+        has the effects in `base`, or some of them.
         """
         return self.nearest_linearization(base).evidence.training_fit(held_out)
 
     def is_like_slow_noise(self, effect):
-        """Return whether an effect may be taken for slow noise, a bool.
+        """Return whether an `effect` may be taken for slow noise, a bool.
 
-        This holds for every effect of time or of temperature, as these change slowly.
+        This holds for every effect of time or of temperature, as these change slowly. Its detection
+        limit is computed with an estimate of the noise in data with the effect.
         """
         return effect.timed or "temperature" in effect.needs
 
@@ -292,8 +312,9 @@ class PoseProblem:
     def most_changed_rows(self, search, base, trial):
         """Return the kind of residual that an added effect changes most, and the mask of its rows.
 
-        The mask is (N,) of bool. Changes are compared in standard deviations of the noise. `trial`
-        is the Trial of the effect, and `base` has the effects that are in the model already.
+        The mask is (N,) of bool. Changes are compared in standard deviations of the noise. `search`
+        is the Search, which says which rows are training rows. `trial` is the Trial of the effect,
+        and `base` has the effects that are in the model already.
         """
         training_fit = search.training_fit(base)
         extended = (*base, trial.effect)
@@ -306,10 +327,11 @@ class PoseProblem:
     def covariance(self, effects):
         """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
-        It is averaged over the noise hypotheses, the covariances that the noise may have, weighted
-        by their probability. Under one hypothesis it has two terms. The first is the covariance by
-        generalised least squares, times the reduced χ² if that is above one. The second is the
-        square of the difference between the solution under this hypothesis and the fit.
+        The fit has the `effects`. The covariance is averaged over the noise hypotheses, the
+        covariances that the noise may have, weighted by their probability. Under one hypothesis it
+        has two terms. The first is the covariance by generalised least squares, times the reduced
+        χ² if that is above one. The second is the square of the difference between the solution
+        under this hypothesis and the fit.
 
         The constants of the effects, such as time constants, are uncertain too: their logarithms
         count as further parameters with a prior standard deviation of one.
@@ -337,11 +359,12 @@ class PoseProblem:
         return covariance[:p, :p]
 
     def _constant_derivatives(self, effects, x):
-        """Return the derivatives of all rows by the logarithms of constants, a list of (N,).
+        """Return the derivatives of the N rows by the logarithms of constants, a list of (N,).
 
-        A constant is, for example, a time constant. The list has an entry for each effect with a
-        constant that the search refines. The derivative is the difference quotient for a factor of
-        1.05 on the constant. `x`, (p,), are the parameters of the fit with these effects.
+        A constant is, for example, a time constant of one of the `effects`. The list has an entry
+        for each effect with a constant that the search refines. The derivative is the difference
+        quotient for a factor of 1.05 on the constant. `x`, (p,), are the parameters of the fit with
+        these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
         parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
@@ -354,11 +377,11 @@ class PoseProblem:
         return derivatives
 
     def fit(self, effects, held_out=frozenset()):
-        """Return the Fit with some effects to the rows without the folds in `held_out`.
+        """Return the Fit with some `effects` to the rows without the folds in `held_out`.
 
-        The fit is not iterated. It is the nearest fit of all poses, plus the linear change of its
-        parameters that the remaining rows ask for. The covariance in the Fit is set to zero, since
-        it is not used.
+        By default no fold is held out. The fit is not iterated. It is the nearest fit of all poses,
+        plus the linear change of its parameters that the remaining rows ask for. The covariance in
+        the Fit is set to zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
         all_effects = (*self.nuisance_effects, *effects)

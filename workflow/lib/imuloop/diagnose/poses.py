@@ -38,9 +38,10 @@ FAR = 3.0
 def pose_candidates(sensor, recording, static_effects=()):
     """Return the variants to try on a sensor at the poses, and the effects that are not tried.
 
-    A variant is an effect with values of its constants. Both results are dicts by type of effect:
-    a tuple of variants, and a status with its reason. Effects of the sensor in `static_effects`,
-    SensorEffects that static records showed, are in neither. Both are empty without poses.
+    A variant is an effect with values of its constants. Both results are dicts by type of effect: a
+    tuple of variants, and a status with its reason. `sensor` is the name of the sensor, and
+    `recording` has the poses; without poses both results are empty. Effects of the sensor in
+    `static_effects`, SensorEffects that static records showed, are in neither result.
     """
     poses = recording.poses
     if not len(poses):
@@ -167,7 +168,8 @@ def diagnose_poses(problem, reasons):
 def too_few(recording):
     """Return the reasons why there are too few poses or turns to test a sensor, a dict of text.
 
-    The keys are the sensors that cannot be tested.
+    The keys are the sensors that cannot be tested; the dict is empty if the `recording` has enough
+    poses and turns.
     """
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
     start, attitudes = "calibrated; too few", count_attitudes(recording.poses.f, APART)
@@ -188,7 +190,7 @@ def rejections(result):
 
     A calibration is rejected if the data of the sensor contradict each other, or if the sensor
     changed during the recording and the added effects do not explain the change. `result` is a
-    PoseResult.
+    PoseResult. The dict is empty if no calibration is rejected.
     """
     rejected, recording = {}, result.problem.recording
     if result.solution is not None:
@@ -204,10 +206,10 @@ def rejections(result):
 
 
 def pose_products(recording, sensor):
-    """Return the Products to try on a sensor at poses, a tuple.
+    """Return the Products to try on a `sensor` at the poses of a `recording`, a tuple.
 
-    Each Product is a product of powers of outputs. An accelerometer has products of specific force
-    only: at rest the angular rate is zero.
+    Each Product is an effect: a product of powers of outputs. An accelerometer has products of
+    specific force only: at rest the angular rate is zero.
     """
     channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None

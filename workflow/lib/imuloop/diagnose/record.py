@@ -82,7 +82,7 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
 
 
 def judge_residuals(choices, kinds_by_sensors):
-    """Return the comparison of all kinds of residuals of a record with their floors.
+    """Return the verdict on the residuals of a record, which compares each kind with its floor.
 
     The floor is the held-out error that the noise alone gives.
 
@@ -181,7 +181,7 @@ def judge_sensors(choices, sensors, kinds, errors):
 
 
 def compare_rows(problem, linearization, kinds, errors):
-    """Return the comparison of the residuals of a fit of all poses with the noise.
+    """Return how the residuals of a fit of all poses compare with those that noise alone gives.
 
     Parameters
     ----------
@@ -216,7 +216,8 @@ def compare_rows(problem, linearization, kinds, errors):
 def undersampling_error(problem, linearization, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    Both errors are root mean squares by the noise as estimated.
+    Slow sampling misses a part of the motion. Both errors are root mean squares by the noise as
+    estimated.
 
     Parameters
     ----------
@@ -254,9 +255,10 @@ def undersampling_error(problem, linearization, floor):
 
 
 def final_solution(problem, effects):
-    """Return the Fit of all poses with some effects, and the calibration of each sensor by it.
+    """Return the Fit of all poses with some `effects`, and the calibration of each sensor by it.
 
-    The calibrations are a dict by sensor. Their covariance includes the uncertainty of the noise.
+    `problem` is the PoseProblem. The calibrations are a dict by sensor. Their covariance includes
+    the uncertainty of the noise.
     """
     solution = problem.linearization(effects).solution
     return solution, problem.joint_fit.calibrations(solution, problem.covariance(effects))

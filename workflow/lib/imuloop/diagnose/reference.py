@@ -19,7 +19,8 @@ FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     """Return the comparison of a device with the reference of the sessions that have one.
 
-    A reference is a measurement of the motion by other means, such as tracked markers.
+    A reference is a measurement of the motion by other means, such as tracked markers. The
+    comparison says whether errors remain that the `calibration` does not explain.
 
     Parameters
     ----------
@@ -70,16 +71,17 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
     """Return the tested effects of the set-up on one sensor, and its residuals with their floor.
 
     The set-up is the offset of the clock, the mounting, the place of the marker and the biases. The
-    floor is the error that noise alone gives.
+    residuals are the differences from the reference, a measurement of the motion by other means.
+    The floor is the root mean square held-out error that noise alone gives.
 
     Parameters
     ----------
     set_up : SetUp
-        The fit of the set-up, with N rows of all sensors.
+        The fit of the set-up, with N rows (scalar residuals) of all sensors.
     windows : Windows
-        Windows of the sensor.
+        Stretches of time in which the sensor is compared with the reference.
     folds : ndarray, shape (N,)
-        Fold of each row.
+        Fold of each row; the rows of a fold are held out together.
     settings : DiagnoseSettings
     tests : int
         Number of tests that share the significance.
@@ -167,10 +169,13 @@ def _parameters(units, values, covariance):
 
 
 def _norm(errors):
-    """Return the norms, (m,), of m residuals of three components, (3 m,)."""
+    """Return the norms, (m,), of m residuals; `errors`, (3 m,), has three components of each."""
     return np.linalg.norm(errors.reshape(-1, 3), axis=1)
 
 
 def _size(errors):
-    """Return the root mean square norm of m residuals of three components, (3 m,) or (3 m, 1)."""
+    """Return the root mean square norm of m residuals, a float.
+
+    `errors`, (3 m,) or (3 m, 1), has the three components of one residual after the other.
+    """
     return rms_norm(errors.reshape(-1, 3))

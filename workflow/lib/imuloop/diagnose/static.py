@@ -107,19 +107,20 @@ class StaticResult:
 
 
 def static_tests(records, settings):
-    """Return the number of tests of the static records of both sensors.
+    """Return the number of significance tests of the static records of both sensors, an int.
 
     There is one test for each kind of effect. `records` has a list of StaticRecords for each
-    sensor.
+    sensor: means over windows of long rests. `settings` are the DiagnoseSettings.
     """
     used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
     return sum(len(static_candidates(sensor, r)[0]) for sensor, r in used.items() if r)
 
 
 def usable_records(records, settings):
-    """Return the StaticRecords that have at least two windows per fold, a list.
+    """Return those of the `records` that have at least two windows per fold, a list.
 
-    `settings.blocks` is the number of folds.
+    They are StaticRecords, the means over windows of long rests. `settings.blocks` is the number of
+    folds, which cross-validation holds out one at a time.
     """
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
@@ -127,8 +128,9 @@ def usable_records(records, settings):
 def static_candidates(sensor, records):
     """Return the variants to try on a sensor in static records, and the effects that are not tried.
 
-    A variant is an effect with values of its constants. Both results are dicts by type of effect:
-    a tuple of variants, and a status with its reason. `records` are the StaticRecords.
+    A variant is an effect with values of its constants. Both results are dicts by type of effect: a
+    tuple of variants, and a status with its reason. `sensor` is the name of the sensor, and
+    `records` are its StaticRecords, the means over windows of long rests.
     """
     columns = []
     for name in ("t", "output", "other", "temperature"):
@@ -210,7 +212,7 @@ def why_untestable(records, axes, settings):
     Possible reasons are: there is no record, the noise of an axis is not known, or an axis never
     changes. `records` are the StaticRecords, the means over windows of long rests. `axes` has the
     AxisNoise, the coefficients of the noise, of each axis. `settings.blocks` is the number of
-    folds.
+    folds. The result is None if the records can be diagnosed.
     """
     if not records:
         return (
@@ -229,11 +231,11 @@ def why_untestable(records, axes, settings):
 
 
 def search_records(sensor, records, settings, tests):
-    """Return the StaticFinding of a sensor: the effects that its StaticRecords show.
+    """Return the StaticFinding of a `sensor`: the effects that its StaticRecords show.
 
-    A record has the means over windows of a long rest. Cross-validation holds out one fold at a
-    time: a stretch of time in every record. `settings` are the DiagnoseSettings, and `tests` is the
-    number of tests that share the significance.
+    Each of the `records` has the means over windows of a long rest. Cross-validation holds out one
+    fold at a time: a stretch of time in every record. `settings` are the DiagnoseSettings, and
+    `tests` is the number of tests that share the significance.
     """
     variants_by_kind, reasons = static_candidates(sensor, records)
     # steps have no variants: a scan finds their times
@@ -321,12 +323,13 @@ def static_content(sensor, finding, noise, noise_change):
 
 
 def _floor(problem, covariances):
-    """Return the variance of the held-out errors by the noise as estimated, (N, 3).
+    """Return the floor: the variance of the held-out errors by the noise alone, (N, 3).
 
-    There are N means over windows on three axes. A held-out error is the mean over a window minus
-    the level of its record. The level is the mean of the training rows, weighted with the length of
-    each window. `covariances` has a pair for each record and axis: two covariances that the noise
-    of the n means may have, (n, n) each. The noise as estimated is the first.
+    `problem` is the StaticProblem, with N means over windows on three axes. A held-out error is the
+    mean over a window minus the level of its record. The level is the mean of the training rows,
+    weighted with the length of each window. `covariances` has a pair for each record and axis: two
+    covariances that the noise of the n means may have, (n, n) each. The noise as estimated is the
+    first.
     """
     floors = []
     groups = zip(problem.records, problem.evidence.row_groups, covariances, strict=True)
@@ -343,10 +346,11 @@ def _floor(problem, covariances):
 def _residual_groups(problem, effects, errors, by_noise):
     """Return the residuals that remain after some effects, a ResidualGroup per record and axis.
 
-    `effects` are FittedEffects. `errors`, (N, 3), are the held-out errors with these effects.
-    `by_noise` has two lists for each record and each axis. The first has two covariances that the
-    noise of the n means may have, (n, n) each. The second has the covariances of the held-out
-    errors that follow from them.
+    `problem` is the StaticProblem, with N means over windows on three axes. `effects` are
+    FittedEffects. `errors`, (N, 3), are the held-out errors with these effects. `by_noise` has two
+    lists for each record and each axis. The first has two covariances that the noise of the n means
+    of the record may have, (n, n) each. The second has the covariances of the held-out errors that
+    follow from them.
     """
     split, groups = problem.evidence.split, problem.evidence.row_groups
     by_record = zip(groups, split(problem.subtract(effects)), split(errors), strict=True)
@@ -368,9 +372,9 @@ def _errors_by_session(axes, problem, errors, floor):
     """Return the root mean square held-out errors of each session, and their floor, SI.
 
     The result is a dict by session, then by axis, then by ``before`` (without effects), ``after``
-    (with effects) and ``floor``. `axes` are the names of the axes. `errors` has the held-out errors
-    of the N means without and with effects, and `floor` their variance by the noise alone, (N, 3)
-    each.
+    (with effects) and ``floor``. `problem` is the StaticProblem, and `axes` are the names of its
+    axes. The floor is the error that the noise alone gives. `errors` has the held-out errors of the
+    N means without and with effects, and `floor` their variance by the noise alone, (N, 3) each.
     """
     squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
     # session of each of the N means
@@ -388,9 +392,10 @@ def _errors_by_session(axes, problem, errors, floor):
 def _points(problem, effects, errors, floor):
     """Return the points of a plot of the held-out errors over time, a list with a dict per window.
 
-    A point has start, errors without and with effects, floor and values, SI. `effects` are the
-    added FittedEffects. `errors` has the held-out errors of the N means without and with effects,
-    and `floor` their variance by the noise alone, (N, 3) each.
+    A point has start, errors without and with effects, floor (the error by the noise alone) and
+    values, SI. `problem` is the StaticProblem. `effects` are the added FittedEffects. `errors` has
+    the held-out errors of the N means without and with effects, and `floor` their variance by the
+    noise alone, (N, 3) each.
     """
     split, points = problem.evidence.split, []
     norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]

@@ -59,7 +59,7 @@ class StaticRecord:
         return np.diff(self.windows, axis=1)[:, 0]
 
     def part(self, rows):
-        """Return the StaticRecord of some windows; `rows` is a mask, (n,) of bool."""
+        """Return the StaticRecord of some windows; `rows` is their mask, (n,) of bool."""
         return replace(
             self,
             windows=self.windows[rows],
@@ -195,18 +195,18 @@ def static_records(session, log, segments, calibration, mean_time):
 
 
 def _mean_history(log, ends, sensor, function, *constants):
-    """Return the means of a function of the whole log over each of n windows, (n, …).
+    """Return the means of a function of the whole `log` over each of n windows, (n, …).
 
-    The function takes the channels of the log that the effects of `sensor` depend on, and
-    `constants`. It serves effects with a memory, which depend on more than the present sample.
-    `ends`, (n, 2), has the index of the first sample of each window, and the index of the first
-    sample after it.
+    `function` takes the channels of the log that the effects of `sensor` depend on, and
+    `constants`. It serves effects with a memory, such as a lag, which depend on the history before
+    the present sample. `ends`, (n, 2), has the index of the first sample of each window, and the
+    index of the first sample after it.
     """
     return _means(function(log.channels(sensor), *constants), ends)
 
 
 def _static_windows(log, segments, mean_time):
-    """Return n windows in the undisturbed stretches of a session, and the stretch of each.
+    """Return n windows at rest in a session, and for each the undisturbed stretch that it lies in.
 
     The windows, (n, 2), are start and end, s. The stretches, (n,), are indices of the static
     segments of the session. `log` is the Log and `segments` the table of segments of the session;
@@ -237,9 +237,10 @@ def _means(x, ends):
 
 
 def _evaluate(channels, function, *constants):
-    """Return ``function(channels, *constants)``, (N, …), for the LoggedChannels of a log.
+    """Return the `function` of the `channels` of a log and of some `constants`, (N, …).
 
-    It serves effects with a memory, which depend on more than the present sample.
+    `channels` are the LoggedChannels, with N samples. The function serves effects with a memory,
+    such as a lag, which depend on more than the present sample.
     """
     return function(channels, *constants)
 
@@ -247,9 +248,10 @@ def _evaluate(channels, function, *constants):
 def correct_samples(session, samples, log, calibration, effects):
     """Return the samples of a session without the output of some effects, a dict by column.
 
-    `session` is the name of the session, and `log` the Log of its `samples`. Samples and result are
-    in nominal SI. `effects` has the FittedEffects of each sensor: errors of its output
-    ``K (raw - b)``. `calibration` computes this output.
+    The output of an effect is the error that it causes. `session` is the name of the session, and
+    `log` the Log of its `samples`. Samples and result are in nominal SI. `effects` has the
+    FittedEffects of each sensor: errors of its output ``K (raw - b)``. `calibration` computes this
+    output.
     """
     t, columns = log.t, {name: np.array(samples[name], dtype=float) for name in CHANNELS}
     # at rest the effects see the mean output of each sensor

@@ -49,12 +49,12 @@ class StaticProblem:
 
     @property
     def folds(self):
-        """Number of folds."""
+        """Number of folds: stretches of time, of which cross-validation holds out one at a time."""
         return self.settings.blocks
 
     @cached_property
     def fold_of_row(self):
-        """Number of the fold of each row, (N,).
+        """Number of the fold of each row, (N,); a row is the mean over one window.
 
         A fold is one stretch of time in each record, and all folds of a record have equal time at
         rest. It is at a different place in each record, so that the start of one record is
@@ -70,7 +70,7 @@ class StaticProblem:
 
     @cached_property
     def evidence(self):
-        """Evidence of all rows: their values, and the covariances that their noise may have.
+        """Evidence of all rows: means over windows, and the covariances that their noise may have.
 
         These covariances are the noise hypotheses. They come from a grid of two ratios: flicker and
         random walk, each relative to white noise.
@@ -107,16 +107,19 @@ class StaticProblem:
         return np.concatenate([g.values for g in self.evidence.row_groups])
 
     def subtract(self, effects):
-        """Return the `values` without the output of some FittedEffects, (N, 3), SI."""
+        """Return the `values` without the errors that some `effects` cause, (N, 3), SI.
+
+        `effects` are FittedEffects. There are N windows on three axes.
+        """
         designs = self.designs([fitted.effect for fitted in effects])
         outputs = (d @ fitted.vector for d, fitted in zip(designs, effects, strict=True))
         return self.values - sum(outputs, np.zeros(()))
 
     def designs(self, effects):
-        """Return for each effect the derivative of all rows by its p parameters, (N, 3, p), SI.
+        """Return for each of the `effects` the derivative of all rows, (N, 3, p), SI, a list.
 
-        The result is a list with one array per effect: N windows, three axes of the sensor, and p
-        parameters.
+        The derivative is with respect to the p parameters of the effect. A row is the mean over one
+        of N windows, on the three axes of the sensor.
         """
         return [
             np.concatenate([e.in_session(r.channels, r.session, r.windows) for r in self.records])
@@ -124,9 +127,10 @@ class StaticProblem:
         ]
 
     def residuals(self, search, effects):
-        """Return the residuals of all rows, (N, 3), SI, by a fit of effects to the training rows.
+        """Return the residuals of all rows, (N, 3), SI, by a fit of `effects` to the training rows.
 
-        `search` is the Search, which says which rows are training rows.
+        A row is the mean over one of N windows, on the three axes of the sensor. `search` is the
+        Search, which says which rows are training rows.
         """
         training_fit = search.training_fit(effects)
         return np.column_stack([training_fit.residuals(effects, axis) for axis in range(3)])
@@ -134,37 +138,43 @@ class StaticProblem:
     def training_fit(self, base, held_out):
         """Return the TrainingFit: least squares of the rows without the folds in `held_out`.
 
-        It does not depend on the effects in `base`, since the rows are linear in all effects.
+        `held_out` is a set of numbers of folds. The result does not depend on the effects in
+        `base`, since the rows are linear in all effects.
         """
         return self.evidence.training_fit(held_out)
 
     def refit(self, effects):
-        """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
+        """Do nothing: no fit of the records with these `effects` is needed.
+
+        The rows, means over windows, are linear in all effects, so they are not linearised again.
+        """
 
     def most_changed_rows(self, search, base, trial):
-        """Return the only kind of residual, and a slice that selects all rows.
+        """Return the only kind of residual, ``bias``, and a slice that selects all rows.
 
-        The arguments do not matter, since a trial cannot change another kind of residual.
+        It is the kind that an added effect changes most. `search`, `base` and `trial` say which
+        effect in other problems; here they do not matter, since there is no other kind.
         """
         return "bias", slice(None)
 
     def is_like_slow_noise(self, effect):
-        """Return False: no test has to be repeated with more slow noise.
+        """Return False, for any `effect`: no test has to be repeated with more slow noise.
 
-        The noise hypotheses already include the slow noise that an effect may resemble.
+        The noise hypotheses, covariances that the noise may have, already include the slow noise
+        that an effect may resemble.
         """
         return False
 
     def of_kind(self, kind):
-        """Return the mask of the rows of one kind of residual, (N,) of bool: all rows.
+        """Return the mask of the rows of one kind of residual, (N,) of bool: all N rows.
 
-        There is only one kind.
+        `kind` does not matter, since there is only one kind of residual.
         """
         return np.ones(len(self.fold_of_row), dtype=bool)
 
 
 def ratios(span, length):
-    """Return the grid of noise ratios to try, (g, 2), and the log prior of each, (g,).
+    """Return a grid of g pairs of noise ratios to try, (g, 2), and the log prior of each, (g,).
 
     The ratios are ``B²/N²``, Hz, and ``K²/N²``, Hz². N, B and K are the coefficients of white
     noise, flicker and random walk. The record has the `span` S and windows of `length` τ, s. In
@@ -199,7 +209,7 @@ def hypotheses(windows, grid):
 
 
 def fitted_effects(search, effects):
-    """Return the parameters of some effects of static records, a tuple of FittedEffect, or None.
+    """Return the parameters of some `effects` of static records, a tuple of FittedEffect, or None.
 
     The effects are fitted together to all rows. The result is None if the rows of an axis do not
     determine the parameters. `search` is the Search of the records.
@@ -280,10 +290,11 @@ def information(search, base, effects):
 def cut_at_tilts(records, least):
     """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
-    A record has the means over windows of one rest. A tilt changes the means of an accelerometer,
-    but it is not an effect of the sensor. A disturbance counts as a tilt if the means before and
-    after it differ by more than the noise, slow noise included, but have the same magnitude of
-    gravity. A piece with fewer than `least` windows is left out.
+    Each of the `records` has the means over windows of one rest, which a disturbance may interrupt.
+    A tilt changes the means of an accelerometer, but it is not an effect of the sensor. A
+    disturbance counts as a tilt if the means before and after it differ by more than the noise,
+    slow noise included, but have the same magnitude of gravity. A piece, what lies between two
+    cuts, is left out if it has fewer than `least` windows.
     """
     steps = [Steps((t,), (r.session,)) for r in records for t in _disturbances(r)]
     if not steps:
@@ -332,10 +343,11 @@ def is_tilt(jump, level):
 
 
 def _disturbances(record):
-    """Return the times of the disturbances of a record, s, a list.
+    """Return the times of the disturbances of a `record`, s, a list of float.
 
-    A disturbance counts if there are at least `BESIDE` windows in the undisturbed stretch before it
-    and in the one after it. Its time is the start of the stretch after it.
+    The windows of a record lie in undisturbed stretches of a rest. A disturbance, between two
+    stretches, counts if there are at least `BESIDE` windows in the stretch before it and in the one
+    after it. Its time is the start of the first window after it.
     """
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))

@@ -20,7 +20,7 @@ MOST_TIMES, CLOSE = 50, 0.01
 
 
 def best_steps(search, base, may_give_up=False):
-    """Return the Trial, the significance test, of the best steps of the bias, or None.
+    """Return the Trial, the significance test, of the best steps of the bias in time, or None.
 
     `search` is the Search of static records, which have the means over windows of a rest. `base`
     has the effects that are in the model already. Steps are added one by one, each at the time that
@@ -109,9 +109,9 @@ def most_promising_step(search, base, earlier=()):
 def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
-    Times in the middle of the poses are tried first, then times ever closer to the best of them,
-    since a step may lie within a pose or between two. This search for the time is done twice,
-    because each way can fail:
+    `sensor` is the name of the sensor, and `search` the Search in the poses. Times in the middle of
+    the poses are tried first, then times ever closer to the best of them, since a step may lie
+    within a pose or between two. This search for the time is done twice, because each way can fail:
 
     - With the noise averaged over all noise hypotheses: under the likeliest noise without a step,
       the residuals that the step causes would count as noise.
@@ -119,7 +119,7 @@ def pose_step(sensor, search, base, may_give_up=False):
       one time from another.
 
     `base` has the effects that are in the model already. `may_give_up` changes nothing: the first
-    times are quick to test.
+    times are quick to test. The result is None with too few poses, or if no step can be estimated.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:
@@ -138,12 +138,13 @@ def pose_step(sensor, search, base, may_give_up=False):
 
 
 def _refine_time(sensor, search, base, times, log_tries, hypotheses):
-    """Return the step of a sensor's bias at the clearest time, a SensorEffect, or None.
+    """Return the step of a `sensor`'s bias at the clearest time, a SensorEffect, or None.
 
     The `times`, s, are tried first. If the best of them is clearer than chance, times ever closer
     to it are tried, until they differ by `CLOSE`. The result is None if no step can be estimated.
-    `base` has the effects in the model, and `log_tries` is the logarithm of the number of tries.
-    `hypotheses`, (h,) of bool, is the mask of the noise hypotheses by which times are compared.
+    `search` is the Search in the poses, `base` has the effects in the model, and `log_tries` is the
+    logarithm of the number of tries. `hypotheses`, (h,) of bool, is the mask of the noise
+    hypotheses by which times are compared.
     """
     spacing = np.diff(times).max() / 2
     while True:
@@ -160,10 +161,11 @@ def _refine_time(sensor, search, base, times, log_tries, hypotheses):
 
 
 def span_between(time, windows):
-    """Return the middle and the length of the gap between windows that a time lies in, s.
+    """Return the middle and the length of the gap between two windows that a `time` lies in, s.
 
-    The data cannot tell two times of a step in one gap apart. A time within a window is returned
-    unchanged, with length zero. `windows`, (n, 2), has start and end of each of n windows, s.
+    The data cannot tell two times of a step in one gap apart. If the time lies within a window
+    instead, it is returned unchanged, with length zero. `windows`, (n, 2), has start and end of
+    each of n windows, s.
     """
     after = np.searchsorted(windows[:, 1], time, side="right")
     if 0 < after < len(windows) and time <= windows[after, 0]:
@@ -173,8 +175,9 @@ def span_between(time, windows):
 
 
 def _chi_square_drops(score, information):
-    """Return for each of f columns by how much χ² falls if it alone is added, (f,).
+    """Return for each of f columns by how much χ² falls if this column alone is fitted, (f,).
 
+    A column is the derivative of the residuals with respect to the size of a step at one time.
     `score`, (f,), are the products of each column and the residuals, and `information`, (f,), the
     squares of the columns. Both are weighted with the precision of the noise.
     """

@@ -19,7 +19,11 @@ COMPONENTS = {
 
 
 def _names_of(kind):
-    """Return the names of the columns of one kind of residual, a list: errors, then the floor."""
+    """Return the names of the columns of one `kind` of residual, a list: errors, then the floor.
+
+    Each error has a column for each component of the residual, and first one for the norm if there
+    are several components. The floor is the error that the noise alone gives.
+    """
     ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
     return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
 
@@ -40,7 +44,7 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
 def residual_columns(problem, kinds, errors, floor):
-    """Return the columns of some kinds of residuals for a table, a dict of arrays in SI.
+    """Return the columns of some kinds of residuals for the tables of poses or moves, a dict, SI.
 
     Each column has an entry per pose or move.
 
@@ -72,8 +76,8 @@ def residual_columns(problem, kinds, errors, floor):
 def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
-    `names` are the names of the sessions, and `residuals` the columns of residuals, a dict of
-    arrays. Missing columns are nan.
+    `poses` are the Poses, `names` are the names of the sessions, and `residuals` the columns of
+    residuals, a dict of arrays. Missing columns are nan.
     """
     means = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
     if poses.temperature is not None:
@@ -147,9 +151,10 @@ def _place(poses, indices, names, times):
 
 
 def _table(types, columns):
-    """Return the columns of a table, a dict of arrays; missing columns are nan.
+    """Return the columns of a table with their types, a dict of arrays.
 
-    `types` has the type of each column by its name, and `columns` the arrays by name.
+    `types` has the type of each column of the table by its name, and `columns` the arrays by name.
+    Columns that are missing in `columns` are nan.
     """
     missing = np.full(len(columns["pose"]), np.nan)
     return {name: np.asarray(columns.get(name, missing), kind) for name, kind in types.items()}
