@@ -15,11 +15,12 @@ def candidates(sensor, record, channels):
 
     A variant is an effect with values of its constants, such as a time constant. Some effects do
     not show in this kind of record. They are in neither result, unless the effect itself says why
-    rests cannot show it (`unobservable`).
+    rests cannot show it (`unobservable`): then they are in the second.
 
     Parameters
     ----------
     sensor : str
+        Name of the sensor.
     record : {'poses', 'static_record'}
         Kind of record.
     channels : Channels

@@ -211,7 +211,9 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
     Parameters
     ----------
     calibration : SensorCalibration
+        The calibration of the sensor without a verdict.
     sensor : str
+        Name of the sensor.
     contents : dict of str to dict
         Content of diagnosis.json by kind of record. If the calibration is implausible, the verdicts
         ``consistent`` and ``explained`` are replaced in this dict.
@@ -252,6 +254,7 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     Parameters
     ----------
     calibration : Calibration
+        The calibration of both sensors with effects.
     poses : PoseResult
         The diagnosis at the poses. If the poses calibrate a sensor, its ranges come from its inputs
         at the poses. The ranges of a gyroscope include the rotations between poses.

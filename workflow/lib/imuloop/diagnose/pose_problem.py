@@ -271,7 +271,7 @@ class PoseProblem:
         return {effect: self._columns[effect] for effect in effects}
 
     def nearest_linearization(self, effects):
-        """Return the stored Linearization that has most of the `effects`, and no other effects.
+        """Return the stored Linearization whose effects are the largest subset of `effects`.
 
         A Linearization is the fit of all poses with some effects. The rows are taken as linear in
         the effects that it lacks, by the derivatives in its Evidence. So a fit without some fold,

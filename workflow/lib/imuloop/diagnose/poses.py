@@ -74,6 +74,7 @@ def pose_problem(joint_fit, recording, settings, tests, static=None):
     recording : Recording
         Poses and rotations.
     settings : DiagnoseSettings
+        Number of folds, significance and power of the tests.
     tests : int
         Number of tests that share the significance.
     static : StaticResult, optional

@@ -119,10 +119,11 @@ def judge_sensors(choices, sensors, kinds, errors):
     Parameters
     ----------
     choices : Choices
-        Searches and choice of effects for a PoseProblem of N rows.
+        Searches and choice of effects for a PoseProblem of N rows, components of residuals.
     sensors : tuple of str
+        Names of the sensors.
     kinds : tuple of str
-        Kinds of residuals.
+        Kinds of residuals that judge them.
     errors : ndarray, shape (N, 1)
         Held-out errors with all added effects.
 
@@ -222,6 +223,7 @@ def undersampling_error(problem, linearization, floor):
     Parameters
     ----------
     problem : PoseProblem
+        The poses and the rotations between them.
     linearization : Linearization
         The fit of all poses.
     floor : float

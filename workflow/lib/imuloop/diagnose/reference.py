@@ -27,9 +27,11 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     sessions : dict of str to dict
         ``kind``, ``samples`` and ``segments`` of each session by name.
     noise : NoiseModel
+        Noise of the device.
     gravity : float
         Local gravity, m/s^2.
     settings : DiagnoseSettings
+        Number of folds, significance and power of the tests.
     tests : int
         Number of tests of the other records, which share the significance.
     calibration : Calibration
@@ -83,6 +85,7 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
     folds : ndarray, shape (N,)
         Fold of each row; the rows of a fold are held out together.
     settings : DiagnoseSettings
+        Number of folds, significance and power of the tests.
     tests : int
         Number of tests that share the significance.
 

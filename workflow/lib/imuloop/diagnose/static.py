@@ -158,6 +158,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     noise : NoiseModel
         Noise of the device, which is estimated again after effects are subtracted.
     settings : DiagnoseSettings
+        Number of folds, significance and power of the tests.
     noise_settings : NoiseSettings
         Settings of the noise stage.
     tests : int
@@ -270,6 +271,7 @@ def static_content(sensor, finding, noise, noise_change):
     Parameters
     ----------
     sensor : str
+        Name of the sensor.
     finding : StaticFinding
         Result of the search.
     noise : NoiseModel

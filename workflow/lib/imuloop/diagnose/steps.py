@@ -23,13 +23,14 @@ def best_steps(search, base, may_give_up=False):
     """Return the Trial, the significance test, of the best steps of the bias in time, or None.
 
     `search` is the Search of static records, which have the means over windows of a rest. `base`
-    has the effects that are in the model already. Steps are added one by one, each at the time that
-    is clearest with the others in the model. The search ends if one more step does not lower log p.
-    A second step is tried even if the first one is not significant: as long as the model lacks the
-    second step, it looks like a random walk, which can hide the first.
+    has the effects that are in the model already. A step changes the bias at one instant. Steps are
+    added one by one, each at the instant that is clearest with the other steps in the model. The
+    search ends if one more step does not lower log p. A second step is tried even if the first one
+    is not significant: as long as the model lacks the second step, it looks like a random walk,
+    which can hide the first.
 
     If `may_give_up` is true, the result is None if the first step is hopeless: its log p, corrected
-    for the number of times and axes, is above `HOPELESS`.
+    for the number of instants and axes that were tried, is above `HOPELESS`.
     """
     best, steps, log_tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
@@ -50,12 +51,12 @@ def best_steps(search, base, may_give_up=False):
 
 
 def most_promising_step(search, base, earlier=()):
-    """Return log p of the clearest step, the step itself, and how many times were tried.
+    """Return log p of the clearest step, the step itself, and the number of instants tried.
 
-    The clearest step has the smallest p-value on one axis, of all times and axes. The step is None
-    if no window is left. `search` is the Search of static records, which have the means over
-    windows of a rest. `base` has the effects that are in the model, the `earlier` steps included.
-    Windows close to the earlier steps are not tried.
+    A step changes the bias at one instant. The clearest one has the smallest p-value on one axis,
+    of all instants and axes. The step is None if no window is left. `search` is the Search of
+    static records, which have the means over windows of a rest. `base` has the effects that are in
+    the model, the `earlier` steps included. Windows close to the earlier steps are not tried.
     """
     # log p, axis and step; the first entry stands for the case without a step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)

@@ -94,9 +94,11 @@ def moves_table(recording, names, gyroscope, force, residuals):
     Parameters
     ----------
     recording : Recording
+        The poses and the m moves between them.
     names : list of str
         Names of the sessions.
     gyroscope : SensorCalibration
+        The calibration that gives the angular rate.
     force : ndarray, shape (m, k, 3)
         Calibrated specific force at the k samples of each move, for effects of the gyroscope.
     residuals : dict of str to ndarray, shape (m,)
@@ -133,6 +135,7 @@ def _place(poses, indices, names, times):
     Parameters
     ----------
     poses : Poses
+        All poses, sorted by session.
     indices : slice or ndarray of int
         The poses of the table, or those at which its moves start.
     names : list of str

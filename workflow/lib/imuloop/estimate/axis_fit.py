@@ -46,8 +46,9 @@ class Fit:
     def loss(self):
         """The part of minus the log likelihood that depends on the residuals, (h,).
 
-        For each noise hypothesis it is ``(dof log s + χ²/s)/2``, with the factor s on the
-        covariance from `scale`.
+        For each noise hypothesis, a covariance that the noise may have, it is
+        ``(dof log s + χ²/s)/2``, with dof degrees of freedom and the factor s on the covariance
+        (`scale`).
         """
         return (self.dof * np.log(self.scale) + self.chi2 / self.scale) / 2
 
@@ -62,7 +63,10 @@ class Fit:
 
     @property
     def probability(self):
-        """Posterior probability of each noise hypothesis, (h,); the sum is one."""
+        """Posterior probability of each noise hypothesis, (h,); the sum is one.
+
+        A noise hypothesis is one of h covariances that the noise may have.
+        """
         return softmax(self.log_probability)
 
     def average(self):
@@ -202,8 +206,8 @@ def log_p_values(pairs, hypotheses=slice(None)):
     """Return the log p-values of several F tests, a list with one float for each pair of fits.
 
     `pairs` is a list of (Fit, Fit). Each pair tests some parameters: the first fit lacks them, the
-    second has them. The p-value is averaged over the noise hypotheses that the mask `hypotheses`,
-    (h,) of bool, selects; all by default.
+    second has them. The p-value is averaged over those of h noise hypotheses, covariances that the
+    noise may have, that the mask `hypotheses`, (h,) of bool, selects; all by default.
     """
     # by degrees of freedom of both fits, the indices of the pairs
     log_p, groups = [None] * len(pairs), {}

@@ -81,8 +81,9 @@ class Evidence:
     """All N rows, group by group, and the columns of the patterns that may explain them.
 
     A row is one scalar residual. A column, (N,), is the derivative of the rows on one axis with
-    respect to one parameter of an effect, scaled to length one. Each column, and the residuals of
-    each axis, are stored under a number. The covariance of the noise is one of h hypotheses.
+    respect to one parameter of an effect, scaled to length one. The columns of one effect are its
+    pattern. Each column, and the residuals of each axis, are stored under a number. The covariance
+    of the noise is one of h hypotheses.
     """
 
     row_groups: list[RowGroup]
@@ -102,7 +103,7 @@ class Evidence:
     nuisance_index: int | None = None
 
     def __post_init__(self):
-        """Set the masks that have no value to their defaults; store each axis' residuals."""
+        """Set masks of hypotheses without a value to their defaults; store the rows as columns."""
         if self.estimation_mask is None:
             self.estimation_mask = np.ones(len(self.log_prior), dtype=bool)
         if self.as_estimated_mask is None:
@@ -265,7 +266,7 @@ class Evidence:
         return self._training_fits[held_out]
 
     def release(self):
-        """Delete all stored TrainingFits; they are recomputed if needed."""
+        """Delete all stored TrainingFits to free memory; they are recomputed if needed."""
         self._training_fits.clear()
 
     def split(self, rows):

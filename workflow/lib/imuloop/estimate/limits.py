@@ -129,7 +129,10 @@ class AxisTest:
 
     @property
     def fits(self):
-        """Two Fits of the axis to all rows, a list: without the tested effect, and with it."""
+        """Two Fits of the axis to all rows, a list: without the tested effect, then with it.
+
+        Both have the effects that are in the model already.
+        """
         extended = (*self.base, self.trial.effect)
         return [self.training_fit.fit(effects, self.axis) for effects in (self.base, extended)]
 
@@ -187,7 +190,7 @@ class AxisTest:
         The estimate of slow noise is higher in data with such an effect. So the noise is estimated
         again in data with the effect, and the test is repeated. These data are the residuals plus
         the effect, at `GROWN` times the least size that passes with the present noise. The AxisTest
-        has to have one column.
+        must have one column: the data have this parameter of the effect alone.
 
         Parameters
         ----------

@@ -107,10 +107,11 @@ class SizeLikelihood:
     """
 
     def __init__(self, jacobian, fixed, components):
-        """Store the parts of the covariance of the residuals, and the prior of the sizes.
+        """Store the parts of the covariance of the n residuals, and the prior of the k sizes.
 
-        Columns of the Jacobian are scaled to length one, which limits rounding errors. A size may
-        be up to `FARTHEST` standard deviations above its prior value.
+        `fixed`, (n, n), is the covariance by noise of known size, `components` are the k
+        Components. The columns of `jacobian`, (n, p), are scaled to length one, which limits
+        rounding errors. A size may be up to `FARTHEST` standard deviations above its prior value.
         """
         self.components = components
         self.prior_sizes = np.array([c.size for c in components])

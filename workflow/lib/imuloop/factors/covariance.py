@@ -16,7 +16,7 @@ PARTS = 4
 
 
 class ChannelMeans:
-    """The noise of a channel, averaged over M windows of a recording, and its covariance.
+    """Means of the noise of a channel over M windows of a recording, and their covariance.
 
     The windows are the n rests, then `PARTS` parts of equal length of each of the m moves: M = n +
     `PARTS` m. Slow noise (flicker and random walk) is taken relative to its mean over all rests,
@@ -268,9 +268,10 @@ class ResidualCovariance:
 def _integrate_parts(values, seconds, passed):
     """Return the integrals over time of values in `PARTS` equal parts of each move.
 
-    The result is (m, `PARTS`, a, 3). `values`, (m, k, a, 3), has k values of shape (a, 3) for each
-    of m moves. `seconds`, (m, k), is the time that each value lasts, and `passed`, (m, k), the time
-    from the start of the move to each value, s.
+    The result is (m, `PARTS`, a, 3): moves, parts of a move, and the shape of a value. `values`,
+    (m, k, a, 3), has k values of shape (a, 3) for each of m moves. `seconds`, (m, k), is the time
+    that each value lasts, and `passed`, (m, k), the time from the start of the move to each value,
+    s.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]

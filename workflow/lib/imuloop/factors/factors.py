@@ -174,7 +174,7 @@ class Measurements:
 
     @cached_property
     def designs(self):
-        """By sensor, the derivative of the sum of its effects with respect to their q parameters.
+        """By sensor, a dict: the derivative of the sum of its effects by their q parameters.
 
         The derivative is a pair: at the n rests, (n, 3, q), and at the k samples of each of m
         moves, (m, k, 3, q). The latter is None for the accelerometer if the fit uses no velocity.

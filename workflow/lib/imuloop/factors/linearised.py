@@ -166,7 +166,10 @@ class Linearised:
 
     @cached_property
     def jacobian(self):
-        """Derivative of the N residuals that the fit uses with respect to p parameters, (N, p)."""
+        """Derivative of the N residuals that the fit uses with respect to the p parameters, (N, p).
+
+        The parameters are those of both sensors, then those of their effects.
+        """
         designs, state = self.measured.designs, self.state
         jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
         for sensor, at_rest in zip(SENSORS, self.rest_rows, strict=True):
@@ -215,7 +218,8 @@ def add_at_both_ends(values):
     """Return for each sample the sum of the values of the time steps next to it, (m, k, ...).
 
     `values`, (m, k - 1, ...), belong to the steps between the k samples of each of m moves. The
-    first and the last sample have one step only.
+    first and the last sample have one step only. With half the lengths of the steps as values, the
+    result has the weights of the trapezoid rule.
     """
     sums = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
     sums[:, 1:] = values

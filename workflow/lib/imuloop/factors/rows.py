@@ -16,16 +16,18 @@ from imuloop.core.rotation import matrix
 class RestRows:
     """Residuals of one sensor at n rests, with a components each, and their derivatives.
 
+    A row is one component of a residual.
+
     Attributes
     ----------
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Derivative of the residuals with respect to the p parameters of the sensor: T, K, b, and the
-        parameters of its effects.
+        Derivative of the residuals with respect to the p parameters of the sensor: the misalignment
+        T, the scale factors K, the bias b, and the parameters of its effects.
     gain : ndarray, shape (n, a, 3)
-        Derivative of the residuals with respect to the mean of each channel, nominal SI (before
-        calibration).
+        Derivative of the residuals with respect to the mean of each of the sensor's three channels,
+        nominal SI (before calibration). It says how noise enters.
     """
 
     residual: np.ndarray
@@ -37,10 +39,12 @@ class RestRows:
 class MoveRows:
     """Residuals of m moves of k samples, with a components each, and their derivatives.
 
+    A row is one component of a residual.
+
     Attributes
     ----------
     residual : ndarray, shape (m, a, 1)
-        Residuals, SI.
+        Residuals, SI; the last axis, of length one, makes each a column vector.
     by_start, by_end : ndarray, shape (m, a, 3)
         Derivative of the residuals with respect to the calibrated specific force at the rest before
         the move, and at the rest after it.
@@ -61,9 +65,9 @@ class MoveRows:
     def append_to(self, other, share):
         """Return MoveRows that have the rows R of `other`, then the rows ``S - share R``.
 
-        S are the rows of this object, with a components per move. `other`, MoveRows, has b
-        components per move, and does not depend on the force during the move. A suitable `share`,
-        (m, a, b), makes the noise of the two parts independent.
+        A row is one component of a residual. S are the rows of this object, with a components per
+        move. `other`, MoveRows, has b components per move, and does not depend on the force during
+        the move. A suitable `share`, (m, a, b), makes the noise of the two parts independent.
         """
 
         def stack(name, share):
