@@ -42,8 +42,8 @@ LATE_SENSOR = (
 class MotionProblem(PoseProblem):
     """The poses of a device and the moves between them, as a problem for `Choices`.
 
-    A row is one component of the residual of a pose, or of the velocity after a move. Only rows of
-    moves are in folds, and so are held out in turn. Every fit uses all poses, which determine the
+    A row is one component of the residual of a pose, or of the velocity after a move.
+    Cross-validation holds out rows of moves only. Every fit uses all poses, which determine the
     base model.
     """
 
@@ -245,9 +245,9 @@ def unsampled_velocity(rotations, gyroscope_bias):
     """Return the velocity that each sample interval of m moves may hide, m/s, (m, k - 1).
 
     It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force f over the interval Δt. The
-    term ``w × f Δt`` cancels the change that the turn at the angular rate w makes. `rotations` are
-    the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal SI (raw readings by
-    the data sheet), rad/s.
+    term ``w × f Δt`` cancels the change that the turn at the angular rate w, without its bias,
+    makes. `rotations` are the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal
+    SI (raw readings by the data sheet), rad/s.
     """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps

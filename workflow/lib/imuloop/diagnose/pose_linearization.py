@@ -88,10 +88,11 @@ class Linearization:
 def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses in which the noise of one kind of residual may be larger alone.
 
-    A hypothesis is one covariance that the noise may have. It has the sizes of variance components.
-    Under most hypotheses, the components of one kind of residual have the likeliest sizes and the
-    components of all other kinds have the sizes as estimated, or the reverse. The first hypothesis
-    has all sizes as estimated, and the last one has all likeliest sizes.
+    A hypothesis is one covariance that the noise may have. Here it follows from one size for each
+    variance component, noise whose size is estimated. Under most hypotheses, the components of one
+    kind of residual have the likeliest sizes and the components of all other kinds have the sizes
+    as estimated, or the reverse. The first hypothesis has all sizes as estimated, and the last one
+    has all likeliest sizes.
 
     Parameters
     ----------

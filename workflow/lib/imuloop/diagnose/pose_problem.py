@@ -60,11 +60,12 @@ class PoseProblem:
 
     @cached_property
     def static_rows(self):
-        """Knowledge from static records about effects, as rows ``R θ - z`` of a prior.
+        """Knowledge from static records, long rests, about effects, as rows ``R θ - z`` of a prior.
 
         θ are the q parameters of an effect, and ``R θ - z`` has mean 0 and variance 1. The value
-        has two parts: a dict of R, (s, q), by effect, and z, (s,), for s rows. With the Fisher
-        information A and the moment b of the static records, ``Rᵀ R = A`` and ``Rᵀ z = b``.
+        has two parts: a dict of R, (s, q), by effect, and z, (s,), for s rows. The logarithm of the
+        likelihood of θ by the static records is ``-θᵀ A θ/2 + bᵀ θ``, with ``A = Rᵀ R`` and
+        ``b = Rᵀ z``.
         """
         if self.static is None:
             return {}, np.zeros(0)
@@ -297,11 +298,12 @@ class PoseProblem:
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
-        """Return the noise hypotheses of other residuals of the rows, a list of one Hypotheses.
+        """Return the noise hypotheses for other values of the rows, a list of one Hypotheses.
 
-        `values`, (N,), are these residuals. There are two hypotheses: the noise as estimated, and
-        the noise that is most likely for these residuals. The list has one entry because all rows
-        are one group. `base` has the effects in the model.
+        A detection limit needs them for data with an effect. `values`, (N,), are the residuals of
+        these data. There are two hypotheses: the noise as estimated, and the noise that is most
+        likely for these residuals. The list has one entry because all rows are one group. `base`
+        has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
         likelihood = linearization.likelihood

@@ -209,8 +209,9 @@ def rejections(result):
 def pose_products(recording, sensor):
     """Return the Products to try on a `sensor` at the poses of a `recording`, a tuple.
 
-    Each Product is an effect: a product of powers of outputs. An accelerometer has products of
-    specific force only: at rest the angular rate is zero.
+    Each Product is an effect: a product of powers of outputs. They are tried if the model may still
+    lack an effect. An accelerometer has products of specific force only: at rest the angular rate
+    is zero.
     """
     channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None

@@ -26,7 +26,7 @@ NEGLIGIBLE = 0.025
 
 @dataclass(frozen=True)
 class PoseResult:
-    """The diagnosis of both sensors at the poses, or in motion."""
+    """The diagnosis of both sensors at the poses, or in the moves between them."""
 
     contents: dict  # content of diagnosis.json, by sensor
     problem: PoseProblem | None = None  # None if the poses determine no sensor

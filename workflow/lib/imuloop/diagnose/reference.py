@@ -143,11 +143,11 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
 def _by_session(set_up, windows, logs, calibration):
     """Return the bias and the mounting of a sensor in each session, a dict by session.
 
-    A value has the fields of diagnosis.json. The bias b is in nominal SI: raw readings by the
-    nominal scale. The mounting is a rotation vector m, rad, which rotates from the axes of the IMU
-    to the axes of the tracked body. `set_up` is the fit of the set-up, `windows` are the Windows of
-    the sensor, `logs` has the ReferenceLog of each session, and `calibration` is the
-    SensorCalibration.
+    Each value of the dict has the fields of diagnosis.json. The bias b is in nominal SI: raw
+    readings by the nominal scale. The mounting is a rotation vector m, rad, which rotates from the
+    axes of the IMU to the axes of the tracked body. `set_up` is the fit of the set-up, `windows`
+    are the Windows of the sensor, `logs` has the ReferenceLog of each session, and `calibration` is
+    the SensorCalibration.
     """
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))

@@ -34,5 +34,9 @@ class DiagnoseSettings:
 
     @property
     def residual_significance(self):
-        """Significance for one kind of residual: the significance divided among all kinds."""
+        """Significance for one kind of residual of one device.
+
+        It is the significance divided by the number of kinds of residuals, and by the number of
+        devices of the family.
+        """
         return self.significance / RESIDUALS / self.family

@@ -47,7 +47,10 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 
 @dataclass(frozen=True)
 class StaticFinding:
-    """The result of the search for effects in the static records of one sensor, with N rows."""
+    """The result of the search for effects in the static records of one sensor.
+
+    A static record has the means over windows of a long rest; all records together have N means.
+    """
 
     choices: Choices  # the searches and the choice of effects
     reasons: dict  # status and reason of effects that cannot be tried
@@ -61,7 +64,7 @@ class StaticFinding:
 
 @dataclass(frozen=True)
 class StaticResult:
-    """The diagnosis of the static records of a device."""
+    """The diagnosis of the static records of a device, which are long rests."""
 
     content: dict  # content of diagnosis.json, by sensor
     effects: dict  # FittedEffects that a calibration can have, by sensor
@@ -74,11 +77,16 @@ class StaticResult:
 
     @property
     def sensor_effects(self):
-        """The effects that a calibration can have, of both sensors, a list of SensorEffect."""
+        """Effects that a calibration can have, of both sensors, a list of SensorEffect.
+
+        Effects that a device shows in one record only, such as a step, are left out.
+        """
         return [SensorEffect(f.effect, s) for s, fitted in self.effects.items() for f in fitted]
 
     def information(self, effects):
         """Return the knowledge of static records about q parameters θ of effects, A and b.
+
+        It is a part of the prior in the fit of the poses.
 
         Parameters
         ----------

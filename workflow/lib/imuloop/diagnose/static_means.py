@@ -43,7 +43,7 @@ ROWS = 1 << 14
 
 @dataclass(frozen=True)
 class StaticRecord:
-    """Means of one sensor over n consecutive windows of a session at rest."""
+    """Means of the output of one sensor over n consecutive windows of a session at rest."""
 
     session: str  # name of the session
     windows: np.ndarray  # (n, 2): start and end of each window, s
@@ -71,7 +71,7 @@ class StaticRecord:
 
 @dataclass(frozen=True)
 class StaticData:
-    """Samples of a device at rest."""
+    """Samples of the sessions of a device that are used as static records: long rests."""
 
     kinds: dict  # kind of each session that is used, by name
     samples: dict  # Samples of each session, nominal SI
@@ -79,15 +79,15 @@ class StaticData:
 
     @cached_property
     def logs(self):
-        """The Log of each session, by name."""
+        """Log of each session, with all of its samples as arrays, a dict by name of the session."""
         return {name: Log.of(samples) for name, samples in self.samples.items()}
 
     def records(self, calibration, mean_time):
         """Return the StaticRecords of each sensor, a list by sensor.
 
-        There is one record for each power cycle of each session. `calibration` computes the output
-        ``K (raw - b)``. `mean_time`, s, is the wanted length of a window; 0 gives the shortest
-        windows that are allowed.
+        A record has the means over windows at rest, in one power cycle of one session.
+        `calibration` computes the output ``K (raw - b)``. `mean_time`, s, is the wanted length of a
+        window; 0 gives the shortest windows that are allowed.
         """
         by_sensor = {sensor: [] for sensor in SENSORS}
         for name, table in self.segments.items():

@@ -136,7 +136,7 @@ class StaticProblem:
         return np.column_stack([training_fit.residuals(effects, axis) for axis in range(3)])
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit: least squares of the rows without the folds in `held_out`.
+        """Return the TrainingFit: least squares of the rows outside the folds in `held_out`.
 
         `held_out` is a set of numbers of folds. The result does not depend on the effects in
         `base`, since the rows are linear in all effects.

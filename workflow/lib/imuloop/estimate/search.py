@@ -281,9 +281,9 @@ class Search:
 
         The clearest has the smallest p-value, with one exception. An effect of the present
         temperature goes before an effect of time or of the past temperature if the size of its log
-        p is at least half (`AS_CLEARLY`) of the other's. The reason is that the log shows its
-        cause, the temperature. Formulas, effects without a known cause, are tried only if no other
-        effect passes. `base` has the effects in the model.
+        p is at least half (`AS_CLEARLY`) of the other's. The reason is that the temperature, the
+        cause of such an effect, is measured. Formulas, effects without a known cause, are tried
+        only if no other effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
@@ -310,10 +310,11 @@ class Search:
     def _first_alike(self, base, best, passing):
         """Return the first Trial in a list whose effect these data cannot tell from the best one.
 
-        Such effects have nearly the same pattern in these data. In one attitude, for example, a
-        change of scale factor is the same as a change of bias. So the order of the list decides.
-        `base` has the effects in the model; `passing` is the list, and `best` is one of its Trials.
-        If no other effect is like the best one, the result is `best`.
+        Effects are alike if their patterns, the derivatives of the residuals by their parameters,
+        are nearly the same in these data. In one attitude, for example, a change of scale factor is
+        the same as a change of bias. So the order of the list decides. `base` has the effects in
+        the model; `passing` is the list, and `best` is one of its Trials. If no other effect is
+        like the best one, the result is `best`.
         """
         training_fit = self.training_fit(base)
         for trial in passing:

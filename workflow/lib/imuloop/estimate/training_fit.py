@@ -25,11 +25,13 @@ ROUNDING = 1e-12
 class TrainingFit:
     """Least squares of the training rows, which are all rows outside the held-out folds.
 
+    A row is one scalar residual; a fold has the rows that cross-validation holds out together.
     Nuisance parameters are in every fit, so they are projected out first. P̃ is the inverse of the
-    covariance of the training rows after this projection. All products of two columns x and y use
-    it: in a group of rows with precision P, ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and
-    t_y, (u,), are called the corrections of x and y. Corrections and fits are stored, so that each
-    is computed once.
+    covariance of the training rows after this projection. A column is the derivative of all rows by
+    one parameter. All products of two columns x and y use P̃: in a group of rows with precision P,
+    the inverse covariance, ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and t_y, (u,), are
+    called the corrections of x and y. Corrections and fits are stored, so that each is computed
+    once.
 
     Shapes: h noise hypotheses, n rows of a group, N rows of all groups, k columns, and u parameters
     that are projected out: one for each held-out row, and the nuisance parameters.
@@ -96,10 +98,11 @@ class TrainingFit:
         """Return the products ``Yᵀ P̃ Z``, (h, k, m), of columns Y and Z under h noise hypotheses.
 
         `first` has the numbers, in the Evidence, of the k columns Y, and `second` has the numbers
-        of the m columns Z. P̃ is the precision of the training rows after the nuisance parameters
-        are projected out. A product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over
-        all groups of rows. P is the precision of all rows of a group. U has a unit vector for each
-        held-out row, and the derivative of the rows with respect to the nuisance parameters.
+        of the m columns Z. A fit is computed from such products. P̃ is the precision, the inverse
+        covariance, of the training rows after the nuisance parameters are projected out. A product
+        is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all groups of rows. P is the
+        precision of all rows of a group. U has a unit vector for each held-out row, and the
+        derivative of the rows with respect to the nuisance parameters.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -112,8 +115,8 @@ class TrainingFit:
         """Return the products ``Zᵀ P̃ Z`` of the columns within each of s sets, (h, s, q, q).
 
         Z are the q columns of a set. `sets`, (s, q), has their numbers in the Evidence. P̃ is the
-        precision of the training rows after the nuisance parameters are projected out, under each
-        of h noise hypotheses.
+        precision, the inverse covariance, of the training rows after the nuisance parameters are
+        projected out, under each of h noise hypotheses.
         """
         columns, total = tuple(sets.ravel().tolist()), 0.0
         self._add_columns(columns)
@@ -127,9 +130,10 @@ class TrainingFit:
     def corrections(self, i, columns):
         """Return the stored corrections of k columns in the row group with index `i`, (h, k, u).
 
-        The correction of a column x is the vector t_x with ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where P̃
-        projects u parameters out, under each of h noise hypotheses. `columns` are the numbers of
-        the columns, whose corrections were stored before.
+        The correction of a column x is the vector t_x with ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where P
+        is the precision of the rows, and P̃ the precision after u parameters are projected out,
+        under each of h noise hypotheses. `columns` are the numbers of the columns, whose
+        corrections were stored before.
         """
         return np.array([self._columns[c][0][i] for c in columns]).swapaxes(0, 1)
 
@@ -169,9 +173,9 @@ class TrainingFit:
     def apply_precision(self, i, hypothesis, columns):
         """Return ``P̃ X``, (n, k), for k columns X in the n rows of one group.
 
-        P̃ is the precision of the training rows after the nuisance parameters are projected out.
-        `i` is the index of the group, `hypothesis` the index of the noise hypothesis, and `columns`
-        are X, (n, k). Held-out rows of the result are zero.
+        P̃ is the precision, the inverse covariance, of the training rows after the nuisance
+        parameters are projected out. `i` is the index of the group, `hypothesis` the index of the
+        noise hypothesis, and `columns` are X, (n, k). Held-out rows of the result are zero.
         """
         precision = self.evidence.row_groups[i].noise.precision[hypothesis]
         held_rows = self.held_rows[i]
@@ -185,10 +189,11 @@ class TrainingFit:
     def correction(self, i, hypothesis, weighted):
         """Return the corrections ``t = xᵀ P U R``, (..., u), of columns x in one group of n rows.
 
-        With them ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u
-        columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `i` is the index of the group and
-        `weighted`, (..., n), has the products ``xᵀ P``. `hypothesis` is the index of one noise
-        hypothesis, or a slice of all.
+        With them ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where P̃ is the precision, the inverse covariance,
+        of the training rows after u parameters are projected out. P is the precision of all n rows,
+        U has the u columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `i` is the index of
+        the group and `weighted`, (..., n), has the products ``xᵀ P``. `hypothesis` is the index of
+        one noise hypothesis, or a slice of all.
         """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
@@ -331,8 +336,8 @@ class TrainingFit:
     def hypothesis(self, fit):
         """Return the index of the noise hypothesis under which parameters are estimated.
 
-        It is the likeliest one, by the Fit `fit`, of the hypotheses that estimates may use
-        (`Evidence.estimation_mask`).
+        A noise hypothesis is one covariance that the noise may have. The result is the likeliest,
+        by the Fit `fit`, of the hypotheses that estimates may use (`Evidence.estimation_mask`).
         """
         allowed = np.where(self.evidence.estimation_mask, fit.log_probability, -np.inf)
         return int(np.argmax(allowed))
@@ -340,7 +345,8 @@ class TrainingFit:
     def solve(self, effects, axis):
         """Return all parameters of a fit on one axis: nuisance parameters, then coefficients.
 
-        `axis` is the index of the axis.
+        `axis` is the index of the axis. A column is the derivative of all rows (scalar residuals)
+        with respect to one parameter of an effect.
 
         Returns
         -------
@@ -371,8 +377,8 @@ class TrainingFit:
     def residuals(self, effects, axis):
         """Return the residuals of all N rows on one axis, (N,), SI, by a model with some `effects`.
 
-        The model is fitted to the training rows alone, so the residuals of the other rows are
-        held-out errors. `axis` is the index of the axis.
+        A row is one scalar residual. The model is fitted to the training rows alone, so the
+        residuals of the other rows are held-out errors. `axis` is the index of the axis.
         """
         nuisances, coefficients = self.solve(effects, axis)
         groups = zip(self.evidence.row_groups, nuisances, strict=True)

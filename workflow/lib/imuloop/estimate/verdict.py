@@ -59,7 +59,7 @@ def compare_with_noise(groups, log_prior, fitted=0):
     Parameters
     ----------
     groups : list of ResidualGroup
-        The residuals, with m alternatives of their noise.
+        The residuals, with m alternatives of their noise: covariances that it may have.
     log_prior : sequence of float
         Logarithm of the prior probability of each of the m alternatives.
     fitted : int
@@ -101,8 +101,8 @@ def heldout_p_value(groups, m, k):
     """Return the probability that noise alone gives larger held-out errors than these, a float.
 
     Errors are compared by their sum of squares over the residuals of one kind. `groups` are
-    ResidualGroups, `m` is the index of the alternative of the noise, and `k` is the index of the
-    kind of residual.
+    ResidualGroups, `m` is the index of the alternative, one covariance that the noise may have, and
+    `k` is the index of the kind of residual.
     """
     square, blocks = 0.0, []
     for group in groups:
@@ -165,10 +165,11 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
     The floor is the held-out error that the noise alone gives. A residual is too large in two
     cases:
 
-    - The p-value of χ² is below `significance`, and the held-out error is above its floor.
-    - The held-out error is above its floor by more than the factor `MARGIN`, and its p-value is
-      below the significance. χ² does not matter here: even a wrong effect fits the data by which it
-      was chosen.
+    - The p-value of χ² of the fit is below `significance`, and the held-out error is above its
+      floor.
+    - The held-out error is above its floor by more than the factor `MARGIN`, and the p-value of
+      this error is below the significance. χ² does not matter here: even a wrong effect fits the
+      data by which it was chosen.
 
     Parameters
     ----------
