@@ -28,25 +28,25 @@ PIECE = 1 << 17
 
 
 def session_curves(session, settings, stage="raw"):
-    """Return the Allan curve of each axis of a session, as rows of allan.parquet.
+    """Return the Allan deviation of each axis of a session over the averaging time, as a table.
 
-    The curve of an axis comes from the rests of the session. The averaging times of each sensor
-    follow from its own sampling rate.
+    The deviation of an axis comes from the rests of the session, the time ranges in which the
+    device does not move. The averaging times of each sensor follow from its own sampling rate.
 
     Parameters
     ----------
     session : RecordedSession
         The session.
     settings : NoiseSettings
-        They have the number of averaging times and the longest one.
+        Number of averaging times per decade, and the longest one as a share of the longest rest.
     stage : str
-        Text of the column `stage`, such as ``raw``.
+        Text that is written into the column `stage` of each row, such as ``raw``.
 
     Returns
     -------
     dict of ndarray
-        The columns `COLUMNS`. They have no rows if the session has no rest, or if AllanTools, an
-        optional package, is not installed.
+        The columns of allan.parquet, `COLUMNS`, with a row per axis and averaging time. They have
+        no rows if the session has no rest, or if AllanTools, an optional package, is not installed.
     """
     parts = [no_curves()]
     by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
@@ -62,7 +62,7 @@ def session_curves(session, settings, stage="raw"):
 
 
 def no_curves():
-    """Return a table of allan.parquet without rows."""
+    """Return a table with the columns of allan.parquet and without rows."""
     return table(COLUMNS, "", *[[]] * 5, "")
 
 
@@ -118,11 +118,11 @@ def allan_curve(stretches, rate, settings):
     Parameters
     ----------
     stretches : sequence of ndarray
-        Evenly sampled stretches of the output of the axis, any unit.
+        Output of the axis in each stretch, a range of samples that are evenly spaced, any unit.
     rate : float
         Sampling rate, Hz.
     settings : NoiseSettings
-        They have the number of averaging times and the longest one.
+        Number of averaging times per decade, and the longest one as a share of the longest stretch.
 
     Returns
     -------
@@ -139,11 +139,12 @@ def allan_curve(stretches, rate, settings):
 
 
 def averaging_factors(length, settings):
-    """Return the averaging times of an Allan curve as numbers of samples, shape (k,) of int.
+    """Return the averaging times of an Allan curve as numbers of samples, (k,) of int.
 
-    They ascend from 1 in equal steps of the logarithm, as `settings`, NoiseSettings, ask for.
-    `length` is the number of samples of the longest stretch. The array is empty if the stretch is
-    too short.
+    An averaging time is the sampling interval times such a factor. The factors ascend from 1 in
+    about equal steps of the logarithm. `length` is the number of samples of the longest stretch of
+    the record. `settings`, NoiseSettings, have the number of factors per decade, and the largest
+    factor as a share of `length`. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -157,14 +158,15 @@ def term_counts(factors, length):
 
     A term is the difference of the means of two adjoining groups of m samples. `factors` are the
     numbers m, and `length` is the number of samples of the stretch. Both may be arrays, which are
-    broadcast against each other. The number is 0 where there are fewer than two terms.
+    broadcast against each other; the result has their common shape. It is 0 where there are fewer
+    than two terms.
     """
     count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
 
 
 def allan_variance(stretches, factors):
-    r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
+    r"""Return the overlapping Allan variance at k averaging times, pooled over stretches, (k,).
 
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
@@ -173,8 +175,9 @@ def allan_variance(stretches, factors):
     :math:`\sigma_s^2(m)` for means over m samples. No term reaches over the end of a stretch, so a
     gap, a knock or a jump of the bias between two stretches does not matter.
 
-    `stretches` is a sequence of evenly sampled arrays, in any unit. `factors` are the k numbers m,
-    ascending. The variance is not-a-number where no stretch is long enough.
+    `stretches` is a sequence of arrays, the evenly spaced samples of each stretch, in any unit; the
+    variance is in its square. `factors` are the k numbers m, ascending. The variance is
+    not-a-number where no stretch is long enough.
 
     References
     ----------
@@ -209,8 +212,8 @@ def degrees_of_freedom(variance, factors, lengths):
     the degrees of freedom that AllanTools computes for this stretch alone, for the type of noise
     that the slope of the curve shows.
 
-    `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples.
-    `lengths` has the number of samples of each stretch.
+    `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), which are
+    numbers of samples. `lengths` has the number of samples of each stretch.
 
     References
     ----------
@@ -243,8 +246,8 @@ def noise_exponents(variance, factors):
     """Return the type of noise at each averaging time, as an exponent of the spectrum, (k,) of int.
 
     The power spectrum of the noise is proportional to the frequency to the power of the exponent,
-    one of `EXPONENTS`. It follows from the slope of the Allan deviation on logarithmic scales. The
-    slope is measured between averaging times that are `REACH` times shorter and longer.
+    one of `EXPONENTS`. The exponent follows from the slope of the Allan deviation on logarithmic
+    scales. The slope is measured between averaging times that are `REACH` times shorter and longer.
 
     `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples. All
     exponents are 0, for white noise, if there are fewer than two points or if any variance is not
@@ -262,9 +265,10 @@ def noise_exponents(variance, factors):
 
 
 def interval(variance, edf):
-    """Return the lower and the upper end of the 95 % interval of an estimated variance.
+    """Return the lower and the upper end of the 95 % interval of an estimated variance, a tuple.
 
-    `edf` are its degrees of freedom: the estimate times `edf` over the true variance is a
-    chi-square variable. Numbers and arrays are accepted.
+    `variance` is the estimate and `edf` its degrees of freedom: the estimate times `edf` over the
+    true variance is a chi-square variable. Both are numbers or arrays, and the ends have their
+    shape.
     """
     return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))

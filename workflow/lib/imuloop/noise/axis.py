@@ -36,9 +36,10 @@ class AxisEstimate:
 
 
 def estimate_axis(basis, signals, settings):
-    """Return the AxisEstimate of one axis; below `MIN_VALUES` values it has no terms.
+    """Return the AxisEstimate: the noise terms, the low-pass filter and the lines of one axis.
 
-    The steps are:
+    A term is a noise process or a ramp, and a line is a sinusoid. With fewer than `MIN_VALUES`
+    values, the estimate is empty. The steps are:
 
     1. Lines are found and subtracted (`find_lines`).
     2. The low-pass filter is chosen, if the spectrum shows one, and with it the noise terms
@@ -49,11 +50,11 @@ def estimate_axis(basis, signals, settings):
     Parameters
     ----------
     basis : Modes
-        Modes of the signals.
+        Modes of the signals: the basis in which their noise is described.
     signals : list of Signal
         Values of the axis in each power cycle, SI, not all constant.
     settings : NoiseSettings
-        They have the significance level of all tests.
+        Significance level of all tests.
     """
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate()
@@ -76,12 +77,13 @@ def estimate_axis(basis, signals, settings):
 
 
 def _weighted(selection, weight, terms):
-    """Return the Selection with smaller weights of its rows, and the terms that it then supports.
+    """Return the Selection with smaller weights of its rows, and the noise terms it then supports.
 
-    A row is a frequency or a band of frequencies (`Modes`). `weight`, shape (r,), multiplies the
-    weights of the r rows, and then the terms are selected again. There is one exception: only white
-    noise shows a low-pass filter. So if the Selection has a filter and the new terms lack white
-    noise, the old `terms` are returned.
+    `selection` is the Selection of one axis: the likelihood of its noise, and the choice of the
+    terms. A row is a frequency or a band of frequencies (`Modes`). `weight`, shape (r,), multiplies
+    the weights of the r rows, and then the terms are selected again. `terms` are those that were
+    selected before. There is one exception: only white noise shows a low-pass filter. So if the
+    Selection has a filter and the new terms lack white noise, the old terms are returned.
     """
     selection = selection.weighted(weight)
     kept = selection.low_pass and "N" not in selection.supported
@@ -89,20 +91,21 @@ def _weighted(selection, weight, terms):
 
 
 def find_lines(basis, signals, settings):
-    """Return the Lines of an axis, and the Selection of its signals after the lines are subtracted.
+    """Return the Lines of an axis, a list, and the Selection of its noise terms without the lines.
 
-    Lines are found one by one. Each is tested against the noise that is fitted to the signals
-    without the lines that were found before. A line whose frequency wanders leaves further lines
-    nearby. These are subtracted as well, but are not in the list.
+    A line is a sinusoid in the output. Lines are found one by one, and the Selection is made after
+    they are subtracted. Each line is tested against the noise that is fitted to the signals without
+    the lines that were found before. A line whose frequency wanders leaves further lines nearby.
+    These are subtracted as well, but are not in the list.
 
     Parameters
     ----------
     basis : Modes
-        Modes of the signals.
+        Modes of the signals: the basis in which their noise is described.
     signals : list of Signal
         Values of the axis in each power cycle, SI.
     settings : NoiseSettings
-        They have the significance level of a line.
+        Significance level of a line and of a noise term.
     """
     lines, digits = [], (DIGITS * max(abs(signal.values).max() for signal in signals)) ** 2
     while True:
@@ -122,11 +125,12 @@ def find_lines(basis, signals, settings):
 def _strongest_line(signals, selection):
     """Return the most significant Line of an axis, or None if no line is significant.
 
-    `signals` are the Signals of the axis, SI, and `selection` is the Selection of noise terms for
-    them. A line is first sought over the spectrum of the supported terms. If a line has few
-    periods, its power may have been fitted as noise, so that it does not stand out. So there is a
-    second search: the highest peak over a flat spectrum is found, the terms are fitted without the
-    rows near this peak, and the peak is tested over the spectrum of this fit.
+    A line is a sinusoid in the output. `signals` are the Signals of the axis, SI, one for each
+    power cycle. `selection` is the Selection of the noise terms that they support. First, peaks are
+    compared with the spectrum of these terms. If a line has few periods, its power may have been
+    fitted as noise, so that it does not stand out. So there is a second search: the highest peak
+    relative to a flat spectrum is found, the terms are fitted without the frequencies near this
+    peak, and the peak is compared with the spectrum of this fit.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)
@@ -144,10 +148,10 @@ def _strongest_line(signals, selection):
 
 
 def _density(selection):
-    """Return the spectrum of the supported terms of a Selection, as a function.
+    """Return the noise spectrum of one axis, by the supported terms of a Selection, as a function.
 
-    The function takes frequencies, Hz, and returns the one-sided power spectral density, SI^2/Hz.
-    It is never below the density of rounding.
+    `selection` is the Selection. The function takes frequencies, Hz, and returns the one-sided
+    power spectral density, SI^2/Hz. The density is never below the density of rounding.
     """
     dt, noise = selection.modes.dt, selection.noise(selection.supported)
     # no less than the density of rounding

@@ -16,8 +16,8 @@ GRID = np.linspace(0, 0.5, 4097)
 def _butterworth(order, frequency, corner):
     """Return the power gain, (k,), of a digital Butterworth filter (bilinear transform).
 
-    `order` is the order of the filter. `frequency`, (k,), and `corner` are shares of the sampling
-    rate. The gain is a half at the corner.
+    `order` is the order of the filter. `frequency`, (k,), are k frequencies, and `corner` is the
+    frequency at which the gain is a half, both as shares of the sampling rate.
     """
     ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
     return 1 / (1 + ratio ** (2 * order))
@@ -26,8 +26,9 @@ def _butterworth(order, frequency, corner):
 def _moving_average(frequency, corner):
     """Return the power gain, (k,), of an exponential moving average.
 
-    `frequency`, (k,), and `corner` are shares of the sampling rate. The moving average has the gain
-    of an analogue first-order filter with this corner, plus all aliases that sampling adds.
+    `frequency`, (k,), are k frequencies, and `corner` is the corner frequency, both as shares of
+    the sampling rate. The moving average has the gain of an analogue first-order filter with this
+    corner, plus all aliases that sampling adds.
     """
     phi = np.exp(-2 * np.pi * corner)
     return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
@@ -36,8 +37,9 @@ def _moving_average(frequency, corner):
 def _second_order_sampled(frequency, corner):
     """Return the power gain, (k,), of an analogue second-order Butterworth filter after sampling.
 
-    `frequency`, (k,), and `corner` of the analogue filter are shares of the sampling rate. The gain
-    includes the aliases, and is divided by its value at frequency zero.
+    `frequency`, (k,), are k frequencies, and `corner` is the corner frequency of the analogue
+    filter, both as shares of the sampling rate. The gain includes the aliases, and is divided by
+    its value at frequency zero.
     """
     shares = (np.append(0.0, frequency)[:, None] + np.arange(-20, 21)) / corner
     power = (1 / (1 + shares**4)).sum(axis=1)
@@ -53,8 +55,9 @@ def _spline(degree, frequency, corner):
     gain is the Fourier transform of the autocorrelation.
 
     `degree` is the degree of the B-spline: 1 for values that are held or averaged once, 3 for
-    values that are interpolated, 5 for values that are averaged three times. `frequency`, (k,), and
-    `corner` are shares of the rate of the log. The gain is a half at the corner.
+    values that are interpolated, 5 for values that are averaged three times. `frequency`, (k,), are
+    k frequencies, and `corner` is the frequency at which the gain is a half, both as shares of the
+    rate of the log.
     """
     spline = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
     covariance = np.nan_to_num(spline(np.arange(len(GRID)) * corner / HALF_POWER[degree]))
@@ -83,17 +86,18 @@ class LowPass:
     floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
     def gain(self, frequency):
-        """Return the power gain, (k,), at k frequencies, which are shares of the sampling rate.
+        """Return the power gain of the filter at k frequencies, (k,).
 
-        A frequency above half the rate gets the gain at half the rate.
+        `frequency`, (k,), is a share of the sampling rate of the log. A frequency above half the
+        rate gets the gain at half the rate.
         """
         frequency = np.minimum(np.asarray(frequency, float), 0.5)
         return self.floor + (1 - self.floor) * GAINS[self.kind](frequency, self.corner)
 
     def autocovariance(self, count):
-        """Return the autocovariance of white noise of variance 1 behind the filter, (count,).
+        """Return the autocovariance of white noise of variance 1 after the filter, (count,).
 
-        The lags are 0 … `count` - 1 samples.
+        `count` is the number of lags, which are 0 … `count` - 1 samples.
         """
         covariance = np.zeros(max(count, len(GRID)))
         covariance[: len(GRID)] = irfft(self.gain(GRID))[: len(GRID)]
@@ -101,26 +105,28 @@ class LowPass:
 
 
 def term_gain(term, f, rate):
-    """Return the power gain, (k,), of a LowPassTerm at k frequencies `f`, Hz.
+    """Return the power gain of a low-pass filter, (k,), at k frequencies `f`, Hz, (k,).
 
-    `term` has its corner in Hz, and `rate` is the sampling rate of the output, Hz.
+    `term` is the filter, a LowPassTerm, with its corner in Hz. `rate` is the sampling rate of the
+    output, Hz.
     """
     return LowPass(term.kind, term.corner.value / rate, term.floor).gain(f / rate)
 
 
 def density(noise, f, rate):
-    r"""Return the one-sided power spectral density of an `AxisNoise`, (k,), SI²/Hz.
+    r"""Return the one-sided power spectral density of the noise of one axis, (k,), SI²/Hz.
 
     .. math::
         S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
         + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
-    `f` are k frequencies, Hz, above 0 and up to half the rate. r is the sampling rate of the
-    output, `rate`, Hz. Q, N, B and K are the coefficients of quantisation, white noise, flicker and
-    random walk. A Gauss-Markov process has the coefficient q and the correlation time T, s; several
-    processes add. The gain of a low-pass filter multiplies all terms but the first. Sinusoids are
-    left out: each has the power :math:`\Omega^2/2` at a single frequency, with its amplitude
-    :math:`\Omega`. The ramp is deterministic and adds nothing.
+    `noise` is the AxisNoise of the axis. `f` are k frequencies, (k,), Hz, above 0 and up to half
+    the rate. r is the sampling rate of the output, `rate`, Hz. Q, N, B and K are the coefficients
+    of quantisation, white noise, flicker and random walk. A Gauss-Markov process has the
+    coefficient q and the correlation time T, s; several processes add. The gain of a low-pass
+    filter multiplies all terms but the first. Sinusoids are left out: each has the power
+    :math:`\Omega^2/2` at a single frequency, with its amplitude :math:`\Omega`. The ramp is
+    deterministic and adds nothing.
 
     References
     ----------

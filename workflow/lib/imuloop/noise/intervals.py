@@ -26,20 +26,23 @@ SMALL = 1e-3
 
 
 def coefficients_with_intervals(selection, terms, n_factor=1.0):
-    """Return the AxisNoise: supported terms with intervals, other terms with upper limits.
+    """Return the AxisNoise of an axis: supported terms with intervals, others with upper limits.
 
-    The values are estimated with the supported terms alone, so that together they describe the
-    spectrum. Intervals and limits come from a wider model. It also has white noise, flicker, walk
-    and ramp, as far as the record can tell them apart, because one of these may be present and too
-    weak to pass its test. Intervals and limits of Q, N, B, K and R are ends of the profile
-    likelihood. Intervals of Gauss-Markov processes follow from the information matrix.
+    A term is a noise process or a ramp; it is supported if it passed its significance test. The
+    values are estimated with the supported terms alone, so that together they describe the
+    spectrum. Intervals and limits come from a wider model. This model also has white noise,
+    flicker, random walk and ramp, as far as the record can tell them apart, because one of these
+    may be present and too weak to pass its test. Intervals and limits of Q, N, B, K and R
+    (quantisation, white noise, flicker, random walk, ramp) are ends of the profile likelihood.
+    Intervals of Gauss-Markov processes follow from the information matrix.
 
     Parameters
     ----------
     selection : Selection
-        The likelihood of the axis.
+        The likelihood of the axis as a function of its noise terms.
     terms : tuple
-        The supported terms (`noise.selection`).
+        The supported terms: letters such as ``N``, and correlation times, s, of Gauss-Markov
+        processes.
     n_factor : float
         Factor by which the interval of N is longer on a logarithmic scale, because the corner of a
         low-pass filter has an error, too. It is 1 without a filter.
@@ -66,18 +69,18 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
 
 
 def _profile(selection, model, name):
-    """Return the profile likelihood of one coefficient, a function, and a start for searches.
+    """Return the profile likelihood of one noise coefficient, a function, and a start for searches.
 
     The first result is a function of the logarithm of the coefficient, SI. Its value is the signed
     root ``±√(2 (L_max - L))``. L is the log-likelihood with this coefficient fixed and all others
     fitted; L_max is its maximum. The sign is negative below the likeliest coefficient. So the value
-    is the distance from the likeliest coefficient in standard errors.
+    is, in a normal approximation, the distance from the likeliest coefficient in standard errors.
 
     The second result is the logarithm of the likeliest coefficient, or of its standard error if
     that is larger. A search for an end of an interval may begin there.
 
-    `selection` is the Selection of the axis, `model` a tuple of terms, and `name` the letter of the
-    term whose coefficient is varied.
+    `selection` is the Selection, the likelihood of the axis as a function of its terms. `model` is
+    a tuple of terms, and `name` the letter of the term in it whose coefficient is varied.
     """
     others, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
     units, expected = selection.units(others), selection.units(model) @ fit.theta
@@ -92,7 +95,7 @@ def _profile(selection, model, name):
 
     @cache
     def deviate(u):
-        """Return the signed root at the logarithm `u` of the coefficient."""
+        """Return the signed root of `_profile` at the logarithm `u` of the coefficient, a float."""
         # None makes the fit estimate the ramp, if a ramp is among the other terms
         x, free = exp(u), None if "R" in others else 0.0
         ramp = copysign(x, fit.ramp) if name == "R" else free
@@ -103,11 +106,12 @@ def _profile(selection, model, name):
 
 
 def _crossing(deviate, u, wanted):
-    """Return the coefficient, SI, at which its profile equals `wanted`; 0 if the search finds none.
+    """Return the noise coefficient, SI, at which its profile equals `wanted`; 0 if none is found.
 
-    `deviate` is the function that `_profile` returns. It rises with the logarithm of the
-    coefficient. `wanted` is a distance in standard errors, such as `LOW` or `HIGH`. The search
-    begins at the logarithm `u` of the coefficient.
+    `deviate` is the function that `_profile` returns. It gives the distance from the likeliest
+    coefficient, in standard errors, and rises with the logarithm of the coefficient. `wanted` is
+    such a distance, `LOW` or `HIGH` for the ends of a 95 % interval. The search begins at the
+    logarithm `u` of the coefficient.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:
@@ -119,11 +123,12 @@ def _crossing(deviate, u, wanted):
 
 
 def _process(selection, terms, wide, tc):
-    """Return the GaussMarkovTerm of the process with the correlation time `tc`, s.
+    """Return the GaussMarkovTerm of a Gauss-Markov process, whose correlation time is `tc`, s.
 
-    Its values come from the fit of the supported `terms`, which include the process. Its intervals
-    come from the information matrix of `wide`, a model with more terms. `selection` is the
-    Selection of the axis.
+    The term has coefficient and correlation time with 95 % intervals. Its values come from the fit
+    of the supported `terms`, which include the process. The intervals come from the information
+    matrix of `wide`, a tuple of more terms. `selection` is the Selection, the likelihood of the
+    axis as a function of its terms.
     """
     fit = selection.fit(terms)
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times

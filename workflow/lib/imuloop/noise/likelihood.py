@@ -19,7 +19,7 @@ def weighted_nnls(units, target, weight):
     """Return the x, (p,), without negative elements, that minimises ``Σ w (y - U x)²``.
 
     `units` is the matrix U, (r, p), whose columns may be of any size. `target` is y, (r,), and
-    `weight` is w, (r,).
+    `weight` is w, (r,). The sum is over the r rows.
     """
     root = np.sqrt(weight)
     columns, size = _normalised(units * root[:, None])
@@ -27,9 +27,9 @@ def weighted_nnls(units, target, weight):
 
 
 def _normalised(columns):
-    """Return a matrix, (r, p), with each column divided by its norm, and the norms, (p,).
+    """Return a matrix with each column divided by its Euclidean norm, and the norms, (p,).
 
-    A column of zeros counts as one of norm 1.
+    `columns` is the matrix, (r, p). A column of zeros stays as it is; its norm is given as 1.
     """
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
@@ -37,10 +37,10 @@ def _normalised(columns):
 
 
 def likeliest(log_likelihood, low, high, close=1e-5):
-    """Return the number at which a log-likelihood, a function of one positive number, is largest.
+    """Return the positive number at which a log-likelihood is largest, a float.
 
-    The number is sought from `low` to `high`, both positive. `close` is the largest relative error
-    of the result.
+    `log_likelihood` is a function of one number. The number is sought from `low` to `high`, both
+    positive. `close` is the largest relative error of the result.
     """
     ends = np.log([low, high])
     return exp(fminbound(lambda u: -log_likelihood(exp(u)), *ends, xtol=close))
@@ -48,7 +48,7 @@ def likeliest(log_likelihood, low, high, close=1e-5):
 
 @dataclass(frozen=True)
 class MaximumLikelihood:
-    """The most likely variances of p noise terms, the likeliest ramp, and the log-likelihood."""
+    """The likeliest variances of p noise terms, the likeliest ramp, and the log-likelihood."""
 
     theta: np.ndarray  # variances, (p,): factors of the unit spectra, none negative
     ramp: float  # SI/s; 0 if no ramp was fitted
@@ -62,12 +62,14 @@ class Likelihood:
 
     .. math:: \ell = -\frac12 \sum_r w_r n_r (\ln s_r + p_r/s_r), \quad s = U \theta
 
-    Modes are independent and Gaussian. A row r is one slow mode or a bin of fast modes. :math:`p_r`
-    is the mean square of the :math:`n_r` values of the row, and :math:`s_r` its expected value. The
-    expected values are linear in the variances :math:`\theta` of the terms, and U has them for
-    terms of variance 1. A slow mode has :math:`p = (c - R \rho)^2`, with its amplitude c, the ramp
-    R and the amplitude :math:`\rho` for a ramp of 1 SI/s. The weights w are 1 unless the model does
-    not fit the spectrum (`noise.misfit`).
+    Modes are amplitudes of the output in a basis where noise hardly correlates: slow modes are
+    contrasts of the means of blocks of samples, fast modes the cosine coefficients of each block.
+    They are taken as independent and Gaussian. A row r is one slow mode or a bin of fast modes of
+    neighbouring frequencies. :math:`p_r` is the mean square of the :math:`n_r` values of the row,
+    and :math:`s_r` its expected value. The expected values are linear in the variances
+    :math:`\theta` of the terms, and U has them for terms of variance 1. A slow mode has :math:`p =
+    (c - R \rho)^2`, with its amplitude c, the ramp R and the amplitude :math:`\rho` for a ramp of 1
+    SI/s. The weights w are 1 unless the model does not fit the spectrum (`noise.misfit`).
 
     Attributes
     ----------
@@ -78,7 +80,7 @@ class Likelihood:
     count : ndarray, shape (r,)
         w n: the number of values in each row, times the weight of the row.
     digits : float
-        Mean square that the rounding of the output may leave, SI^2.
+        Mean square that the rounding of the output may leave in a row, SI^2.
 
     References
     ----------
@@ -92,14 +94,15 @@ class Likelihood:
     digits: float = 0.0
 
     def power(self, ramp=0.0):
-        """Return the mean squares of the r rows, (r,), SI^2, after a `ramp`, SI/s, is subtracted.
+        """Return the measured mean squares of the r rows, (r,), SI^2, without a `ramp`, SI/s.
 
-        A row is a slow mode or a bin of fast modes (`Modes`). Only slow modes show a ramp.
+        A row is a slow mode or a bin of fast modes (`Modes`). The ramp is subtracted from the slow
+        modes, as only they show one.
         """
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=0.0, fixed=0.0, start=None, close=CLOSE):
-        r"""Return the MaximumLikelihood: the most likely variances of given terms, and the ramp.
+        r"""Return the MaximumLikelihood: the likeliest variances of p noise terms, and the ramp.
 
         The method is Fisher's scoring. Each step is a non-negative least-squares fit, shortened
         until the likelihood grows. A fitted ramp takes power from the slow modes. The restricted
@@ -126,9 +129,9 @@ class Likelihood:
         ramp : float or None
             Fixed ramp, SI/s; None to fit the ramp.
         fixed : ndarray, shape (r,), or float
-            Part of the expected mean squares that is not fitted, SI^2.
+            Part of the expected mean squares that is known and not fitted, SI^2.
         start : ndarray, shape (p,), optional
-            Variances near the maximum, from which to begin.
+            Variances of the terms near the maximum, from which the fit begins.
         close : float
             The fit ends when the log-likelihood grows by less than this.
 
@@ -142,11 +145,11 @@ class Likelihood:
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
-            """Return the expected mean squares of all rows, (r,), for variances, (p,)."""
+            """Return the expected mean squares of all rows, (r,), for variances `theta`, (p,)."""
             return np.maximum(units @ theta + fixed, floor)
 
         def values(expected):
-            """Return the plain and the restricted log-likelihood for mean squares `expected`."""
+            """Return the plain and the restricted log-likelihood for expected squares, (r,)."""
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
             # the second result of `ramp` is the information about the ramp, Σ w rho²/s
             lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0
@@ -184,10 +187,10 @@ class Likelihood:
     def covariance(self, derivatives, expected):
         """Return the covariance of p fitted parameters, (p, p), by their information matrix.
 
-        `expected`, (r,), are the expected mean squares s of the rows, and `derivatives`, (r, p),
-        their derivatives with respect to the parameters. A mean square of n values has the variance
-        ``2 s²/n``, so the information of a row about s is ``n/2s²``; with the weight w of the row
-        it is ``w n/2s²``.
+        A row is a slow mode or a bin of fast modes (`Modes`). `expected`, (r,), are the expected
+        mean squares s of the rows, and `derivatives`, (r, p), their derivatives with respect to the
+        parameters. A mean square of n values has the variance ``2 s²/n``, so the information of a
+        row about s is ``n/2s²``; with the weight w of the row it is ``w n/2s²``.
         """
         # rows whose products add up to the information matrix: root of w n/2, over s
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
@@ -199,8 +202,9 @@ class Likelihood:
     def ramp(self, expected):
         """Return the likeliest ramp, SI/s, and the information about it, s²/SI².
 
-        The information is the inverse of the variance of the ramp. Each slow mode counts by its
-        weight. `expected`, (r,), are the expected mean squares of all rows, SI^2.
+        The information is the inverse of the variance of the ramp. It sums over the slow modes,
+        each by its weight, as fast modes do not show a ramp. `expected`, (r,), are the expected
+        mean squares of all rows, slow modes and then bins of fast modes, SI^2.
         """
         slow = len(self.rho)
         weight = self.count[:slow] * self.rho / self.above_rounding(expected[:slow])
@@ -216,5 +220,8 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, SI^2, with those below the `floor` of rounding raised to it."""
+        """Return mean squares, SI^2, of which those below the `floor` of rounding are raised to it.
+
+        `squares` is an array of mean squares, SI^2; the result has its shape.
+        """
         return np.maximum(squares, self.floor)

@@ -18,7 +18,7 @@ WANDER, CLOCK = 1e-3, 2e-4
 
 @dataclass(frozen=True)
 class Line:
-    """A line in the spectrum of one axis: a sinusoid.
+    """A line in the spectrum of one axis: a sinusoid in its output.
 
     `frequency`, Hz, and `amplitude`, SI, come from the power cycle in which the line stands out
     most. The amplitude is too low if the frequency wanders. `sinusoids` has the FittedSinusoid of
@@ -30,7 +30,7 @@ class Line:
     sinusoids: dict
 
     def subtract(self, signals):
-        """Return the Signals without the line; a signal that does not show it is unchanged.
+        """Return the Signals without the line, a list; a signal that does not show it is unchanged.
 
         `signals` are those in which the line was found, in the same order.
         """
@@ -39,14 +39,15 @@ class Line:
 
 
 def find_line(signals, spectrum, level):
-    """Return the most significant Line of an axis, or None if noise explains the highest peak.
+    """Return the most significant Line, a sinusoid, of an axis; None if noise explains all peaks.
 
     The height of a peak is the periodogram of a power cycle over its local background
     (`Periodogram`). The highest peak of all power cycles is a line if noise alone would reach its
     height with a probability of at most `level`. This probability is for any frequency of any power
     cycle. The powers of the cycles are not added, because the clocks of two sessions differ by more
-    than the width of a line. Another power cycle shows the same line if its highest peak near this
-    frequency passes the same test, for the frequencies that are near.
+    than the width of a line. Another power cycle shows the same line if its highest peak near the
+    frequency of the line passes the same test, where the probability is for any of the near
+    frequencies.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def find_line(signals, spectrum, level):
 
 
 def strongest_peak(signals, spectrum, level):
-    """Return the highest peak of an axis, and the Periodograms of its signals.
+    """Return the frequency and signal of the highest peak of an axis, and all Periodograms.
 
     Parameters
     ----------
@@ -104,12 +105,13 @@ def strongest_peak(signals, spectrum, level):
     spectrum : callable
         One-sided density of the noise, SI^2/Hz, as a function of frequency in Hz.
     level : float
-        Largest probability of a peak as high in noise alone.
+        Largest probability, in noise alone, of a peak as high at any frequency of any signal.
 
     Returns
     -------
     frequency : float or None
-        Frequency of the peak, Hz; None if the probability of such a peak in noise is above `level`.
+        Frequency of the peak, Hz; None if the probability of such a peak in noise is above `level`,
+        or all signals are too short.
     index : int or None
         Index of the signal with the peak; None if all signals are too short.
     periodograms : dict of int to Periodogram
@@ -128,7 +130,7 @@ def strongest_peak(signals, spectrum, level):
 
 
 def _chance_anywhere(periodograms, chance):
-    """Return the probability that noise has a peak of some height at any frequency of any signal.
+    """Return the probability that noise has a peak of one height at any frequency of any signal.
 
     `chance` is the probability of such a peak at a single frequency, and `periodograms` is a dict
     of the Periodograms of all signals.
@@ -137,11 +139,12 @@ def _chance_anywhere(periodograms, chance):
 
 
 def mains(frequency, rate):
-    """Return the name of the mains harmonic that a line may be, or None if no harmonic fits.
+    """Return the name of the harmonic of mains that a line may be, or None if no harmonic fits.
 
-    An example is ``50 Hz mains, alias of its 2nd harmonic``. `frequency` is the frequency of the
-    line, Hz, and `rate` the sampling rate, Hz. The lowest harmonic of the 50 Hz or the 60 Hz mains
-    that fits is named; if both mains fit, both are named.
+    A line is a sinusoid in the output of a sensor. An example of a name is ``50 Hz mains, alias of
+    its 2nd harmonic``. `frequency` is the frequency of the line, Hz, and `rate` the sampling rate,
+    Hz. The lowest harmonic of the 50 Hz or the 60 Hz mains that fits is named; if both mains fit,
+    both are named.
 
     With mains of :math:`f_0`, the harmonic h appears at :math:`|h f_0 - k r|`, where k is a whole
     number and r the rate. It fits within 1.2 per mille of :math:`h f_0` to either side: 1 per mille

@@ -27,9 +27,10 @@ ROUGH = 0.01
 
 
 def choose_low_pass(selection):
-    """Return the Selection with the most likely low-pass filter, or unchanged if none is needed.
+    """Return the Selection with the likeliest low-pass filter, or unchanged if none is needed.
 
-    A filter and a Gauss-Markov process may have similar spectra. So that neither is taken for the
+    `selection` is the Selection: the likelihood of one axis, and the choice of its noise terms. A
+    filter and a Gauss-Markov process may have similar spectra. So that neither is taken for the
     other, each parameter has to raise the log-likelihood by `PRICE`. A filter has two parameters
     (kind and corner), or three with a floor; a process has two, and any other term one.
     """
@@ -53,15 +54,16 @@ def choose_low_pass(selection):
 
 
 def _fit(selection, kind, corner, **options):
-    """Return the log-likelihood of the terms Q, N, B, K behind a low-pass filter, and the LowPass.
+    """Return the log-likelihood of four noise terms behind a low-pass filter, and the LowPass.
 
-    The floor of the filter is fitted, too: it is the share of the power of white noise that enters
-    behind the filter.
+    The terms are quantisation Q, white noise N, flicker B and random walk K. The LowPass is the
+    filter with its fitted floor, which is the share of the power of white noise that enters behind
+    the filter.
 
     Parameters
     ----------
     selection : Selection
-        The likelihood of the axis.
+        The likelihood of the axis, without a filter.
     kind : str
         Kind of the filter, a key of `GAINS`.
     corner : float
@@ -81,10 +83,11 @@ def _fit(selection, kind, corner, **options):
 
 
 def _fit_corner(selection, kind, near):
-    """Return the log-likelihood and the LowPass of a filter, at its likeliest corner near `near`.
+    """Return the log-likelihood and the LowPass of a filter at the likeliest corner near `near`.
 
-    `selection` is the likelihood of the axis, and `kind` the kind of the filter, a key of `GAINS`.
-    Corners are shares of the sampling rate.
+    The corner is the frequency at which the power gain is a half, a share of the sampling rate, as
+    is `near`. `selection` is the likelihood of the axis, and `kind` the kind of the filter, a key
+    of `GAINS`.
     """
     step = CORNERS[1] / CORNERS[0]
     ends = near / step, min(near * step, HIGHEST)
@@ -93,9 +96,10 @@ def _fit_corner(selection, kind, near):
 
 
 def _score(selection):
-    """Return the log-likelihood of a Selection, less `PRICE` for each parameter.
+    """Return the log-likelihood of a Selection, less `PRICE` for each parameter, a float.
 
-    They are the parameters of the supported terms and of the low-pass filter, if there is one.
+    By this score a Selection with a filter is compared with one without. The parameters are those
+    of the supported terms and of the low-pass filter, if there is one.
     """
     terms, low_pass = selection.supported, selection.low_pass
     parameters = len(terms) + len(correlation_times(terms))
@@ -105,9 +109,11 @@ def _score(selection):
 
 
 def _filters_white(filtered):
-    """Return whether white noise is most of the power in front of a filter, at its corner.
+    """Return whether white noise is most of the noise power at the corner of a filter.
 
-    `filtered` is the Selection with the filter.
+    Only then can the spectrum show the filter. The power in front of the filter counts. `filtered`
+    is a Selection with the filter and its noise terms. The result is also false if the corner is
+    below the lowest of `CORNERS`.
     """
     noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
     slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
@@ -115,12 +121,12 @@ def _filters_white(filtered):
 
 
 def leakage_weights(filtered):
-    """Return the weight of each row of a Selection with a filter, shape (r,), 1 or less.
+    """Return the weight of each row of a spectrum behind a low-pass filter, (r,), 0 to 1.
 
-    Where a filter leaves next to no power, most of it is leakage: power from lower frequencies, by
-    the ends of each block of samples. The squares there are then correlated, so that many of them
-    count as few. The weight is the squared share of the power that is not leakage. `filtered` is
-    the Selection.
+    A row is a frequency or a band of frequencies (`Modes`). Where the filter leaves next to no
+    power, most of this power is leakage: power from lower frequencies, by the ends of each block of
+    samples. The squares there are then correlated, so that many of them count as few. The weight is
+    the squared share of the power that is not leakage. `filtered` is the Selection with the filter.
     """
     modes, low_pass = filtered.modes, filtered.low_pass
     gain = low_pass.gain(modes.frequency * modes.dt)
@@ -128,13 +134,14 @@ def leakage_weights(filtered):
 
 
 def likeliest_corner(filtered, terms):
-    """Return the Selection with its filter at the likeliest corner, the LowPassTerm, and a factor.
+    """Return a Selection with its filter at the likeliest corner, the LowPassTerm, and a factor.
 
-    The LowPassTerm has the corner with its interval, by the information matrix. The factor is the
-    standard error of N, divided by the one that N would have if the corner were known exactly.
+    The LowPassTerm has the corner with its interval, by the information matrix. The factor, by
+    which the interval of N has to be widened, is the standard error of the white noise coefficient
+    N, divided by the one that N would have if the corner were known exactly.
 
-    `filtered` is a Selection with a filter, whose corner is near the likeliest one, and `terms` are
-    its supported terms.
+    `filtered` is a Selection, the likelihood of one axis, with a low-pass filter whose corner is
+    near the likeliest one. `terms` are its supported noise terms, N among them.
     """
 
     def behind(corner):

@@ -22,7 +22,8 @@ def misfit(selection, terms):
     :math:`\epsilon^2`. If the excess is significant, it counts as one error that half a decade has
     in common, and the rows get smaller weights.
 
-    `selection` is the Selection of the axis, and `terms` are its supported terms.
+    `selection` is the Selection, the likelihood of an axis by its noise terms, and `terms` are the
+    terms that it supports.
 
     Returns
     -------
@@ -47,9 +48,10 @@ def misfit(selection, terms):
         return 0.0, np.ones(len(group))
 
     def around(values):
-        """Return, for each group, the sum of `values` over half a decade to each side, (groups,).
+        """Return, for each of g groups, the sum of values over the groups near it, (g,).
 
-        Groups that are not used count as 0.
+        The groups near it lie within half a decade to each side. `values`, (g,) or a number, has
+        the value of each group; groups that are not used count as 0.
         """
         return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
@@ -60,11 +62,12 @@ def misfit(selection, terms):
 
 
 def _groups(frequency, count):
-    """Return the number of the group of each of r rows, (r,) of int.
+    """Return the group of each of r rows of a spectrum, a number from 0, (r,) of int.
 
-    Group 0 has the lowest frequencies. `frequency`, (r,), is the frequency of each row, Hz, and
-    `count`, (r,), the number of its values. A group has at least `VALUES` values, and there are at
-    most `GROUPS` groups per decade.
+    A row is a frequency or a band of frequencies. A group has neighbouring rows, and group 0 the
+    lowest frequencies. `frequency`, (r,), is the frequency of each row, Hz, and `count`, (r,), the
+    number of its values. A group has at least `VALUES` values, and there are at most `GROUPS`
+    groups per decade.
     """
     number = np.empty(len(frequency), dtype=int)
     group, values, first = -1, VALUES, 0.0

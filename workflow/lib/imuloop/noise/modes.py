@@ -30,8 +30,8 @@ def expected_squares(covariance):
         \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
     :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. :math:`\gamma_d` is the
-    covariance of two values that lie d apart. `covariance`, (..., n), has it for d = 0 … n - 1. It
-    may be a generalised covariance, one that holds only for weighted sums whose weights add up to
+    covariance of two values that lie d apart. `covariance`, (..., n), has it for d = 0 … n - 1. The
+    covariance may be a generalised one, which holds only for weighted sums whose weights add up to
     zero: all coefficients with k > 0 are such sums.
     """
     covariance = np.asarray(covariance, float)
@@ -69,10 +69,12 @@ def _contrasts(start, m):
 
 
 def _squares(distance, contrasts, processes):
-    """Return the expected squares of the contrasts for each of c noise processes, (c, k - 1).
+    """Return the expected squares of k - 1 contrasts for each of c noise processes, (c, k - 1).
 
-    `distance` and `contrasts` are the results of `_contrasts` for k blocks. `processes` has an
-    array in the shape of `distance` for each process: the covariance of the means of two blocks.
+    A contrast is a weighted sum of the means of k blocks of samples, whose weights add up to zero.
+    `distance` has the distances of the blocks, and `contrasts` the weights, (k, k - 1), both from
+    `_contrasts`. `processes` has an array in the shape of `distance` for each process: the
+    covariance of the means of two blocks.
     """
     if distance.ndim == 1:
         return expected_squares([*processes])
@@ -81,9 +83,10 @@ def _squares(distance, contrasts, processes):
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks of one power cycle, fewer than `LARGEST`, from which one slope is subtracted.
+    """A piece of one power cycle: fewer than `LARGEST` blocks of consecutive samples.
 
-    A level is a stretch between two disturbances; it has its own mean.
+    One slope is subtracted from the fast modes of all blocks of a piece. A level is a stretch
+    between two disturbances; it has its own mean. `cycle` is the index of the power cycle.
     """
 
     cycle: int
@@ -93,16 +96,17 @@ class _Piece:
 
     @cached_property
     def basis(self):
-        """Contrasts of the means of all k blocks, (k, s): a column for each of the s slow modes.
+        """Weights of the contrasts of the means of k blocks, (k, s): a column for each slow mode.
 
-        A contrast is a weighted sum whose weights add up to zero. They are zero outside one level.
+        A contrast is a weighted sum of the means whose weights add up to zero. The weights of a
+        column are zero outside one level.
         """
         return block_diag(*(contrasts for _, contrasts in self.levels))
 
 
 @dataclass(frozen=True)
 class Modes:
-    """The basis in which the noise of one or more power cycles is described.
+    """Modes: the basis in which the noise of one or more power cycles is described.
 
     A power cycle is cut into blocks of m samples. The fast modes are the orthonormal cosine
     coefficients 1 … m - 1 of each block. The slow modes are contrasts of the means of the blocks:
@@ -112,7 +116,7 @@ class Modes:
     each mode is exact for every process. In an unbroken record the slow modes are a cosine
     transform.
 
-    Gaps keep their place in time, but gaps of a few samples are closed up.
+    A long gap keeps its length in time, but a gap of a few samples is closed up.
 
     Attributes
     ----------
@@ -129,7 +133,8 @@ class Modes:
         Frequency of each row, Hz, and the number of its values. The first s rows are the slow
         modes, one by one. The other rows are bins of neighbouring fast modes.
     units : ndarray, shape (r, 4)
-        Expected mean square of each row for each of Q, N, B, K = 1, SI.
+        Expected mean square of each row for quantisation, white noise, flicker and random walk,
+        each with the coefficient Q, N, B or K = 1, SI.
     correlation_times : ndarray, shape (c,)
         Correlation times from the interval of the samples to the longest power cycle, s.
     processes : CubicSpline
@@ -156,12 +161,12 @@ class Modes:
     _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def amplitudes(self, signals):
-        """Return amplitudes of the slow modes, (s,), SI, and mean squares of the fast ones, SI^2.
+        """Return the amplitudes of the s slow modes, (s,), and mean squares of the fast modes.
 
-        The mean squares, (r - s,), are over the fast modes of each bin and over all blocks.
-        `signals` are the Signals of one axis, in the order of the power cycles. A straight line is
-        fitted to the slow modes of each piece, some 500 blocks, and is subtracted from its fast
-        modes.
+        The amplitudes are in SI. The mean squares, (r - s,), SI^2, are over the fast modes of each
+        of r - s bins and over all blocks. `signals` are the Signals of one axis, in the order of
+        the power cycles. A straight line is fitted to the slow modes of each piece, some 500
+        blocks, and is subtracted from its fast modes.
         """
         slow, squares, number = [], np.zeros(self.m - 1), 0
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
@@ -177,19 +182,19 @@ class Modes:
         return np.concatenate(slow), _bin_means(squares / number, self._bins)
 
     def unit(self, term):
-        """Return the expected mean square of each row for a term of size 1, shape (r,), SI.
+        """Return the expected mean square of each row for a noise term of size 1, (r,), SI.
 
-        `term` is one of Q, N, B, K, whose coefficient is then 1; or the correlation time, s, of a
-        Gauss-Markov process of variance 1.
+        A row is a slow mode or a bin of fast modes. `term` is ``Q``, ``N``, ``B`` or ``K``, whose
+        coefficient is then 1; or the correlation time, s, of a Gauss-Markov process of variance 1.
         """
         if isinstance(term, str):
             return self.units[:, NAMES.index(term)]
         return np.exp(self.processes(np.log(term)))
 
     def gain(self, low_pass):
-        """Return the factor by which a LowPass changes the power of white noise in each row, (r,).
+        """Return the factor by which a filter changes the power of white noise in each row, (r,).
 
-        A row is a slow mode or a bin of fast modes.
+        `low_pass` is the filter, a LowPass. A row is a slow mode or a bin of fast modes.
         """
         if low_pass not in self._gains:
             slow = low_pass.gain(self.frequency[: len(self.ramp)] * self.dt)
@@ -199,10 +204,11 @@ class Modes:
 
 
 def modes(signals):
-    """Return the Modes of the Signals of one axis, one for each power cycle.
+    """Return the Modes, the basis that describes the noise of one axis in all its power cycles.
 
-    The signals have one sampling rate, and at least one of them has two samples or more. Their
-    values are not used.
+    `signals` is a list with the Signal of each power cycle. They have one sampling rate, and at
+    least one of them has two samples or more. Only the times of the samples are used, not their
+    values.
     """
     closed = [signal.closed_up() for signal in signals]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
@@ -245,17 +251,18 @@ def modes(signals):
 
 
 def _bin_means(values, first):
-    """Return the means of `values`, (..., n), over bins of the last axis, (..., bins).
+    """Return the means of values over bins of the last axis, (..., bins).
 
-    `first` has the index of the first value of each bin.
+    `values`, (..., n), has n values in order, of which each bin takes consecutive ones. `first`,
+    (bins,), has the index of the first value of each bin.
     """
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
 def _level_times(signal):
-    """Return the time from start to end of each level of a Signal, s, (levels,).
+    """Return the duration of each level of a Signal, s, (levels,).
 
-    A level is a stretch between two disturbances.
+    A level is a stretch between two disturbances; gaps within it count. `signal` is the Signal.
     """
     first = np.flatnonzero(np.diff(signal.levels, prepend=-1))
     last = np.append(first[1:], len(signal.levels)) - 1
@@ -264,11 +271,12 @@ def _level_times(signal):
 
 
 def _block_length(lengths):
-    """Return the number of samples of a block, an int.
+    """Return the number of samples of the blocks into which a record is cut, an int.
 
-    `lengths`, (s,), are the numbers of samples of s stretches. About `BLOCKS` blocks have at least
-    the share `HELD` of all samples. The length of long blocks has no large prime factors, which
-    makes the transform up to four times faster.
+    `lengths`, (s,), are the numbers of samples of the s stretches of the record, each without a
+    gap. The number of blocks is about `BLOCKS`, or more if the stretches are short, so that whole
+    blocks within the stretches have at least the share `HELD` of all samples. The number of samples
+    of long blocks has no large prime factors, which makes the transform up to four times faster.
     """
     m = int(-(-lengths.sum() // BLOCKS))
     if m > LONG:
@@ -279,9 +287,12 @@ def _block_length(lengths):
 
 
 def _pieces(signals, m):
-    """Return the pieces of all Signals, a list of _Piece, for blocks of `m` samples.
+    """Return the pieces of all power cycles, a list of _Piece.
 
-    If no level of a piece has two blocks, the piece has no contrast and is left out.
+    A piece has some of the blocks of one power cycle, fewer than `LARGEST`. `signals` has the
+    Signal of each power cycle, and `m` is the number of samples of a block. A level is a stretch
+    between two disturbances. If no level of a piece has two blocks, the piece has no contrast of
+    block means and is left out.
     """
     pieces = []
     for cycle, signal in enumerate(signals):

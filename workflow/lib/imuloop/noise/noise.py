@@ -37,16 +37,17 @@ class NoiseResult:
         return self.model.to_dict() | others
 
     def to_json(self, path):
-        """Write the file noise.json at a path."""
+        """Write the content of noise.json as a JSON file at `path`."""
         write_json(path, self.to_dict())
 
 
 def estimate_noise(device, sessions, settings, views=True):
     """Return the NoiseResult of a device: noise coefficients, spectra and summary figures.
 
-    An axis has one estimate from all clean stretches of all static sessions. If no static session
-    has a rest, the estimate comes from the rests of all other sessions. If there is no rest at all,
-    no coefficient is estimated.
+    A session is static if the device lies still in it; in other sessions the device is moved
+    between rests. An axis has one estimate from all static sessions, without their disturbances and
+    gaps. If no static session has a rest, the estimate comes from the rests of all other sessions.
+    If there is no rest at all, no coefficient is estimated.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def estimate_noise(device, sessions, settings, views=True):
     sessions : list of RecordedSession
         All sessions of the device.
     settings : NoiseSettings
-        They have the significance level of all tests.
+        Significance level of all tests.
     views : bool
         Whether the result has spectra, too.
     """
@@ -101,8 +102,9 @@ def estimate_noise(device, sessions, settings, views=True):
 def _estimate(axis, records, basis, settings, notes):
     """Return the AxisEstimate of one axis, and add remarks for the user to the list `notes`.
 
-    `records` is a list of Records, and `basis` are the Modes of all their power cycles. An axis
-    whose output is constant or not finite has no coefficients.
+    `axis` is the name of the axis, and `records` a list of Records with its output. `basis` are the
+    Modes of all power cycles, the basis in which their noise is described. `settings` are
+    NoiseSettings. An axis whose output is constant or not finite has no coefficients.
     """
     signals = [signal for record in records for signal in record.signals(axis)]
     finite = all(np.isfinite(signal.values).all() for signal in signals)
@@ -133,7 +135,7 @@ def summary(stretches, rate):
     Parameters
     ----------
     stretches : sequence of ndarray
-        Output in each clean stretch.
+        Output in each clean stretch, which has no disturbance and no gap.
     rate : float
         Sampling rate, Hz.
 
@@ -141,8 +143,8 @@ def summary(stretches, rate):
     -------
     dict of str to float or None
         ``mean`` and ``std`` are the mean and the standard deviation of the samples. ``std_10s`` and
-        ``std_100s`` are the standard deviations of means over consecutive 10 s and 100 s. A figure
-        that needs more data is None.
+        ``std_100s`` are the standard deviations of means over consecutive 10 s and 100 s. The
+        figures of a standard deviation are None if there are fewer than two samples or means.
     """
     x = np.concatenate(stretches)
     values = {"std": x}

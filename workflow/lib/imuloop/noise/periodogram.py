@@ -37,8 +37,8 @@ class Periodogram:
     of f or 128 independent frequencies) raises the background, too, and so does not count as a
     line.
 
-    Let x be the height of a peak over the background. If the spectrum is right up to a local
-    factor, I/S of noise is exponential. A peak of at least x then has the probability
+    Let x be the height of a peak relative to spectrum and background. If the spectrum is right up
+    to a local factor, I/S of noise is exponential. A peak of at least x then has the probability
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
 
@@ -54,19 +54,19 @@ class Periodogram:
     first : int
         First frequency, in steps.
     edges : ndarray of int, shape (b + 1,)
-        Edges of the b blocks, in steps above the first frequency.
+        Edges of the b blocks of frequencies of the background, in steps above the first frequency.
     sizes : ndarray, shape (b,)
         m: the smallest number of independent values in the block or one of its two neighbours.
     variance : ndarray, shape (b,)
         Factor for each block: times the spectrum, SI^2/Hz, it is the variance of white noise with
         the density of the noise in the block, SI^2.
     ratio : ndarray, shape (f,)
-        x: periodogram over spectrum and background, at each frequency from the first edge to the
-        last.
+        x: periodogram divided by spectrum and background, at each of f frequencies from the first
+        edge to the last.
     independent : float
-        W.
+        W: number of independent frequencies in the searched band.
     spectrum : callable
-        One-sided density S, SI^2/Hz, as a function of frequency in Hz.
+        One-sided density S of the fitted noise, SI^2/Hz, as a function of frequency in Hz.
 
     References
     ----------
@@ -85,10 +85,10 @@ class Periodogram:
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the Periodogram of a Signal, or None if no line can be sought in it.
+        """Return the Periodogram of a Signal, or None if no sinusoid can be sought in it.
 
-        Such a signal is too short, has large gaps (`Signal.is_sparse`) or never changes. `spectrum`
-        is the one-sided density of its noise, SI^2/Hz, as a function of frequency in Hz.
+        That is so if the signal is too short, has large gaps (`Signal.is_sparse`) or never changes.
+        `spectrum` is the one-sided density of its noise, SI^2/Hz, as a function of frequency in Hz.
         """
         n = int(signal.lengths.sum())
         # frequencies in units of rate/n, the distance of independent ones
@@ -127,7 +127,7 @@ class Periodogram:
         )
 
     def highest(self, low=0.0, high=np.inf):
-        """Return the height of the highest peak, over the background, and its frequency, Hz.
+        """Return the height of the highest peak relative to the background, and its frequency, Hz.
 
         The peak is sought from the frequency `low` to the frequency `high`, Hz.
         """
@@ -137,29 +137,30 @@ class Periodogram:
         return float(self.ratio[index]), (self.first + index) * self.step
 
     def noise(self, frequency):
-        """Return the variance of white noise with the density of the noise at a frequency, and m.
+        """Return the variance of white noise as dense as the noise at one frequency, SI^2, and m.
 
-        `frequency` is in Hz, the variance in SI^2. m is the smallest number of independent values
-        in the block of this frequency or in one of its two neighbours; it determines the error of
-        the background.
+        The white noise has the density that the noise of the signal has at `frequency`, Hz, and the
+        sampling rate of the signal. m is the smallest number of independent values in the block of
+        this frequency or in one of its two neighbours; from it follows the error of the background.
         """
         index = np.searchsorted(self.edges[1:-1], frequency / self.step - self.first, side="right")
         return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]
 
     def chance(self, sinusoid):
-        """Return the probability that noise alone explains a sinusoid, at its frequency.
+        """Return the probability that noise alone has a peak as high as that of a sinusoid.
 
-        `sinusoid` is a FittedSinusoid. The probability is that of a peak at least as high.
+        `sinusoid` is a FittedSinusoid of the signal. The probability is for its frequency only.
         """
         variance, m = self.noise(sinusoid.frequency)
         return chance_at_one(sinusoid.explained / (2 * np.log(2) * variance), m)
 
 
 def chance_at_one(x, m):
-    """Return the probability that noise reaches a height x over the background, at one frequency.
+    """Return the probability that noise has a peak of at least the height `x` at one frequency.
 
-    It is E[exp(-x M)], where M is the largest of three medians of `m` exponential variables of mean
-    1. M allows for the error of the background.
+    The height is a ratio of powers: the periodogram over the background, which is estimated from
+    medians. The probability is E[exp(-x M)], where M is the largest of three medians of `m`
+    exponential variables whose mean is 1. M allows for the error of the background.
     """
     # least squares explain nothing, or less by rounding, at x = 0
     below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / max(x, 1e-9))) ** 3
@@ -167,20 +168,22 @@ def chance_at_one(x, m):
 
 
 def chance_over_band(chance, independent):
-    """Return the probability that noise has a peak of some height anywhere in a band.
+    """Return the probability that noise has a peak of a given height anywhere in a band.
 
-    `chance` is the probability of such a peak at one frequency, and `independent` the number of
-    independent frequencies in the band.
+    `chance` is the probability of a peak of at least this height at one frequency, and
+    `independent` the number of independent frequencies in the band.
     """
     chance = max(chance, 1e-300)
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
 def _block_sizes(low, n, rate):
-    """Return the number of independent frequencies in each block of the background, a list of int.
+    """Return the number of independent frequencies in each block, a list of int.
 
-    `n` is the number of values of the signal and `rate` its sampling rate, Hz. Independent
-    frequencies lie rate/n apart. The first block begins at the frequency `low`, in units of rate/n.
+    A block is a range of frequencies in which the background of the periodogram is one factor. `n`
+    is the number of values of the signal and `rate` its sampling rate, Hz. Independent frequencies
+    lie rate/n apart. The first block begins at the frequency `low`, in units of rate/n; the last
+    one ends below n/2 - `low`. The list is empty if no block fits.
     """
     enough, sizes, k = max(ENOUGH, WIDTH_HZ * n / rate), [], low
     while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:

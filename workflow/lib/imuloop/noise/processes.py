@@ -13,9 +13,9 @@ SHORT, NEAR = 64, 32
 def covariances(d, m, dt, correlation_times=()):
     r"""Yield the covariance of two means over m samples, SI^2, for each noise process.
 
-    Each array has the shape of `d`. The first four are for noise with the coefficients Q, N, B, K
-    of 1. The others are for Gauss-Markov processes of variance 1, one for each of the
-    `correlation_times`, s.
+    Each covariance is an array in the shape of `d`. The first four are for quantisation, white
+    noise, flicker and random walk, whose coefficients Q, N, B and K are 1. The others are for
+    Gauss-Markov processes of variance 1, one for each of the `correlation_times`, s.
 
     `d` is the distance, in samples, from the start of one mean to the start of the other; it is 0
     or at least `m`, the number of samples of a mean. `dt` = Δt is the interval of the samples, s.
@@ -50,9 +50,10 @@ def covariances(d, m, dt, correlation_times=()):
 
 
 def _flicker_samples(d):
-    """Return the generalised covariance of two samples of flicker noise, B = 1, that lie d apart.
+    """Return the generalised covariance of two samples of flicker noise with coefficient B = 1.
 
-    `d` is an array of distances in samples; the result has its shape.
+    It holds only for weighted sums whose weights add up to zero. `d` is an array of distances
+    between the two samples, in sampling intervals; the result has its shape.
     """
     x = np.pi * np.maximum(d, 1)
     return np.where(d > 0, sici(x)[1] - np.euler_gamma - np.log(x), 0.0) / np.pi
@@ -61,14 +62,15 @@ def _flicker_samples(d):
 def _flicker_means(d, m):
     r"""Return the generalised covariance of two means over m samples of flicker noise with B = 1.
 
-    `d` is the distance of the starts of both means, in samples. Sums are taken as integrals if the
-    means are far apart or long. The covariance is then a constant plus
+    It holds only for weighted sums whose weights add up to zero. `d` is an array of distances
+    between the starts of both means, in samples; the result has its shape. Sums are taken as
+    integrals if the means are far apart or long. The covariance is then a constant plus
     :math:`-\Delta^2 [x^2 \ln|x|]/2\pi` with x = d/m and the second difference :math:`\Delta^2`.
     Otherwise it is the mean over all pairs of samples.
     """
 
     def k(x):
-        """Return ``x² ln x/2π``."""
+        """Return ``x² ln x/2π`` for an array `x` of positive numbers; 0 at x = 0."""
         return xlogy(x**2, x) / (2 * np.pi)
 
     x = d / m

@@ -29,9 +29,11 @@ LOST, TEMPERATURE_RANGE = 1e-3, 2.0
 
 @dataclass(frozen=True)
 class RecordedSession:
-    """One session of a device: its name, its kind, its samples in SI, and its table of segments.
+    """One recorded session of a device: its name, kind, samples in SI, and table of segments.
 
-    `samples` is empty if the session was rejected.
+    `kind` is ``static``, ``six_position`` or another kind of the config. `samples` are Samples,
+    without any if the session was rejected. `segments` has a row for each rest, motion, disturbance
+    and gap.
     """
 
     name: str
@@ -47,7 +49,7 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """The clean stretches of one session, by power cycle (`core.segments.power_cycles`)."""
+    """The clean stretches of one session: samples at rest, without disturbances and gaps."""
 
     session: RecordedSession
     rows: tuple[list[slice], ...]  # rows of the samples in each stretch, for each power cycle
@@ -66,32 +68,40 @@ class Record:
         return np.concatenate([cycle.closed_up().lengths for cycle in self.cycles])
 
     def signals(self, name):
-        """Return the Signals of a column of the samples, such as ``gx``, a list by power cycle."""
+        """Return the values of a column of the samples, a list with a Signal for each power cycle.
+
+        `name` is the name of the column, such as ``gx``.
+        """
         x = np.asarray(self.session.samples[name])
         values = [np.concatenate([x[rows] for rows in cycle]) for cycle in self.rows]
         return [replace(s, values=x) for s, x in zip(self.cycles, values, strict=True)]
 
     def stretches(self, name):
-        """Return the values of a column of the samples, a list with an array for each stretch."""
+        """Return the values of a column of the samples, a list with an array for each stretch.
+
+        `name` is the name of the column, such as ``gx``. A gap of a few samples does not end a
+        stretch.
+        """
         return [x for s in self.signals(name) for x in s.closed_up().split(s.values)]
 
 
 def read_recorded(name, files):
-    """Return the RecordedSession with a name, read from its files.
+    """Return the RecordedSession of one session, which is read from its files.
 
-    `files` is a dict with the ``kind`` of the session and the paths of its ``samples`` and
-    ``segments``.
+    `name` is the name of the session. `files` is a dict with the ``kind`` of the session and the
+    paths of its ``samples`` and ``segments``, Parquet files.
     """
     segments = read_columns(files["segments"])
     return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
 
 def record_of(session):
-    """Return the Record of a RecordedSession, or None if it has no rest of two samples or more.
+    """Return the Record of one session: its clean stretches at rest. None if it has none.
 
-    The Record has all such rests. In a static session, the means of the rests are the same until a
-    disturbance: they have one level. In other sessions, each rest has its own level. A missing
-    sample ends a stretch.
+    `session` is a RecordedSession. The Record has all steady rests (`_steady_rests`) of two samples
+    or more; without any, the result is None. In a static session, the means of the rests are the
+    same until a disturbance: they have one level, which is the number of a stretch between
+    disturbances. In other sessions, each rest has its own level. A missing sample ends a stretch.
     """
     if not len(session.samples):
         return None
@@ -119,12 +129,13 @@ def record_of(session):
 
 
 def _steady_rests(segments):
-    """Return which of n segments are rests in which only the sensors make noise, a mask, (n,).
+    """Return which of n segments are steady rests, in which only the sensors make noise, (n,).
 
-    These are all rests if the device does not tilt in any. If it tilts in some, they are the rests
-    without a tilt; if it tilts in all, the third with the least tilt. When it tilts, rests shorter
-    than half the longest of these are left out as well: a small tilt is not noticed in a short
-    rest, and looks like a walk. `segments` is the table of segments.
+    The result is a mask. Steady rests are all rests if the device does not tilt in any. If it tilts
+    in some, they are the rests without a tilt; if it tilts in all, the third with the least tilt.
+    When it tilts, those shorter than half the longest of them are left out as well: a small tilt is
+    not noticed in a short rest, and looks like a walk. `segments` is the table of segments, with
+    the tilt of each rest.
     """
     rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
     if not tilt[rest].any():
@@ -135,7 +146,7 @@ def _steady_rests(segments):
 
 
 def _split_at_losses(t, first, last):
-    """Return rests cut where samples are missing, the share of missing samples, and the rate.
+    """Return rests cut at each missing sample, the share of missing samples, and the rate.
 
     Parameters
     ----------
@@ -169,13 +180,13 @@ def _split_at_losses(t, first, last):
 
 
 def records_by_sensor(sessions, notes):
-    """Return the Records from which noise is estimated, by sensor, a list of pairs.
+    """Return the Records from which the noise of each sensor is estimated, a list of pairs.
 
-    A pair has the names of sensors, and their Records. Both sensors are in one pair if they were
-    recorded in the same sessions, on one clock. A sensor without a rest is in no pair. `sessions`
-    is a list of RecordedSessions. Remarks are added to the list `notes`: which sessions are left
-    out, and what limits the coefficients. They begin with the name of the sensor if the sensors do
-    not share their Records.
+    A pair has the names of one or both sensors, and a list of their Records. Both sensors are in
+    one pair if they were recorded in the same sessions, on one clock. A sensor without a rest is in
+    no pair. `sessions` is a list of RecordedSession. Remarks are added to the list `notes`: which
+    sessions are left out, and what limits the coefficients. They begin with the name of the sensor
+    if the sensors do not share their Records.
     """
     two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
     groups, pairs = {}, []
@@ -193,12 +204,13 @@ def records_by_sensor(sessions, notes):
 
 
 def choose_records(sessions):
-    """Return the Records of one sensor to estimate noise from, and remarks on them, two lists.
+    """Return the Records from which to estimate the noise of one sensor, and remarks, two lists.
 
-    The Records are of the static sessions with a rest. If there are none, they are of all other
-    sessions with a rest. Sessions whose sampling rate differs from the largest record's by more
-    than `RATE_TOLERANCE` are left out. The remarks name the sessions that are left out, and what
-    limits the coefficients.
+    `sessions` is a list of RecordedSession, at the times of this sensor. The Records are those of
+    the static sessions with a rest. If there are none, they are those of all other sessions with a
+    rest. Sessions whose sampling rate differs from the rate of the Record with the most samples by
+    more than the share `RATE_TOLERANCE` are left out. The remarks name the sessions that are left
+    out, and what limits the noise coefficients.
     """
     by_name = {session.name: record_of(session) for session in sessions if session.static}
     left_out = [name for name, record in by_name.items() if record is None]

@@ -35,23 +35,29 @@ ORDER = (*NAMES, "R")
 
 
 def without(terms, term):
-    """Return a tuple of `terms` without one of them, `term`."""
+    """Return the tuple `terms` of noise terms without one of them, `term`."""
     return tuple(t for t in terms if t != term)
 
 
 def plus(terms, term):
-    """Return a tuple of `terms` and one more, `term`: first letters, then correlation times."""
+    """Return the tuple of noise terms `terms` and one more, `term`, in the usual order.
+
+    Letters come first, ordered as in `ORDER`, then correlation times, s, of Gauss-Markov processes.
+    """
     extended = (*terms, term)
     return (*(t for t in ORDER if t in extended), *correlation_times(extended))
 
 
 def variances(terms):
-    """Return those of the `terms` that have a variance, and so a spectrum: all but a ramp."""
+    """Return the noise terms among `terms` that have a variance, a tuple: all but a ramp."""
     return without(terms, "R")
 
 
 def correlation_times(terms):
-    """Return the correlation times, s, of the Gauss-Markov processes among `terms`, a tuple."""
+    """Return the correlation times, s, among the noise terms `terms`, a tuple.
+
+    Each stands for a Gauss-Markov process. The other terms are letters.
+    """
     return tuple(t for t in terms if not isinstance(t, str))
 
 
@@ -66,7 +72,7 @@ class Selection:
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def weighted(self, weight):
-        """Return this Selection with the weight of each row multiplied by `weight`, (r,).
+        """Return this Selection with the weight of each of r rows multiplied by `weight`, (r,).
 
         A row is a slow mode or a bin of fast modes (`Modes`).
         """
@@ -74,25 +80,29 @@ class Selection:
         return replace(self, likelihood=replace(self.likelihood, count=count))
 
     def unit(self, term):
-        """Return the expected mean square of each row for a term of size 1, (r,).
+        """Return the expected mean square of each of r rows for a noise term of size 1, (r,), SI.
 
-        It is the one behind the filter, if there is one. `term` is a letter, whose coefficient is
-        then 1, or the correlation time of a process of variance 1.
+        A row is a slow mode or a bin of fast modes (`Modes`). If there is a low-pass filter, the
+        mean square is that behind the filter. `term` is a letter of Q, N, B, K, whose coefficient
+        is then 1, or the correlation time, s, of a Gauss-Markov process of variance 1.
         """
         unit = self.modes.unit(term)
         return unit * self.modes.gain(self.low_pass) if self.low_pass and term != "Q" else unit
 
     def units(self, terms):
-        """Return the expected mean squares of the r rows for each of p terms of size 1, (r, p).
+        """Return the expected mean squares of r rows for each of p noise terms of size 1, (r, p).
 
-        A ramp among the `terms` is left out, as it has no variance.
+        A row is a slow mode or a bin of fast modes (`Modes`). `terms` are the p terms, and possibly
+        a ramp, which is left out as it has no variance.
         """
         return np.column_stack([self.unit(term) for term in variances(terms)])
 
     def fit(self, terms, start=None):
-        """Return the MaximumLikelihood of the model with the given terms.
+        """Return the MaximumLikelihood of the model with the given noise terms.
 
-        `start` may hold variances near the maximum, (p,), for the p terms but a ramp.
+        `terms` is a tuple of letters and correlation times, s. `start`, (p,), may be variances near
+        the maximum, from which the fit begins, for the p terms other than a ramp. A fit is made
+        once and kept, so a later `start` for the same terms has no effect.
         """
         if terms not in self._fits:
             ramp = None if "R" in terms else 0.0
@@ -100,7 +110,10 @@ class Selection:
         return self._fits[terms]
 
     def noise(self, terms):
-        """Return the AxisNoise with the fitted values of `terms`, without intervals and ramp."""
+        """Return the AxisNoise with the fitted coefficients of noise terms, without intervals.
+
+        `terms` is a tuple of letters and correlation times, s. A ramp among them is left out.
+        """
         values = dict(zip(variances(terms), np.sqrt(self.fit(terms).theta), strict=True))
         letters = {name: Coefficient(values[name]) for name in values if name in NAMES}
         drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
@@ -108,13 +121,13 @@ class Selection:
         return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, terms):
-        """Return the p-value of a term: the probability that noise makes it gain as much.
+        """Return the p-value of a noise term: the probability that it gains as much by chance.
 
-        `terms` are the model with `term`; the model without it is fitted for comparison. Twice the
-        gain in log-likelihood is a chi-square variable of one degree of freedom for a ramp. The
-        variance of another term cannot be negative, so in half of all cases it is 0 and gains
-        nothing. For a Gauss-Markov process, the p-value allows for all the correlation times that
-        were tried.
+        The gain is in log-likelihood: the model of all `terms`, `term` among them, is compared with
+        the model without `term`. For a ramp, twice the gain is a chi-square variable of one degree
+        of freedom. The variance of another term cannot be negative, so in half of all cases it is 0
+        and gains nothing. For a Gauss-Markov process, the p-value allows for all the correlation
+        times that were tried.
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
@@ -131,21 +144,22 @@ class Selection:
 
     @property
     def candidates(self):
-        """Letters of the terms that the record can tell from each other, a tuple.
+        """Letters of the noise terms that the record can tell from each other, a tuple.
 
-        Walk and ramp are left out if all levels, the stretches between two disturbances, are short.
+        Random walk and ramp are left out if all levels, the stretches between two disturbances, are
+        short.
         """
         lasting = self.modes.longest_level >= LASTING * self.modes.span
         return ORDER if lasting else without(NAMES, "K")
 
     @cached_property
     def supported(self):
-        """The terms that the record supports, a tuple.
+        """The noise terms that the record supports, a tuple of letters and correlation times, s.
 
-        The search starts from all candidates but a ramp. First, terms that fail their test are
-        removed, the worst first. Then the absent term that passes its test best is added; this is a
-        Gauss-Markov process only if no other absent term passes. Both steps are repeated until
-        nothing changes.
+        The search starts from all candidates but a ramp. A term passes its test if its p-value is
+        at most `level`. First, terms that fail are removed, the worst first. Then the absent term
+        that passes its test best is added; this is a Gauss-Markov process only if no other absent
+        term passes. Both steps are repeated until nothing changes.
         """
         terms, seen = variances(self.candidates), []
         while terms not in seen:
@@ -154,10 +168,11 @@ class Selection:
         return self._without_failed(terms)
 
     def _without_failed(self, terms):
-        """Return the terms without those that fail their test, which are removed one by one.
+        """Return the noise terms `terms`, a tuple, without those that fail their test.
 
-        The worst is removed first. White noise is removed last. At least one term with a variance
-        stays.
+        A term fails if its p-value in the model of the remaining terms is above `level`. Failed
+        terms are removed one by one, the one with the largest p-value first, but white noise last.
+        At least one term with a variance stays.
         """
         while True:
             p = {t: self.p_value(t, terms) for t in terms if variances(without(terms, t))}
@@ -169,9 +184,10 @@ class Selection:
             terms = without(terms, worst)
 
     def _with_best_absent(self, terms):
-        """Return the terms together with the absent term that passes its test best, if any passes.
+        """Return the noise terms `terms`, a tuple, with the absent term that passes its test best.
 
-        A Gauss-Markov process is added only if no other absent term passes.
+        A term passes if its p-value in the model with it is at most `level`. A Gauss-Markov process
+        is added only if no other absent term passes. If none passes, the result is `terms`.
         """
         p = {t: self.p_value(t, plus(terms, t)) for t in self.candidates if t not in terms}
         best = min(p, key=p.get, default=None)

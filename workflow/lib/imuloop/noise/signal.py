@@ -15,23 +15,25 @@ SPARSEST = 16
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """The clean stretches of one power cycle, on the grid of its sampling times.
+    """A signal: the clean stretches of one power cycle, on the grid of its sampling times.
 
-    Gaps keep their place in time. A level is the mean of the output between two disturbances: a
-    disturbance may have moved the device, so the output has another mean after it.
+    A clean stretch is a range of samples at rest, without a gap or a disturbance. Gaps keep their
+    place in time. A level is the mean of the output between two disturbances: a disturbance may
+    have moved the device, so the output has another mean after it.
 
     Attributes
     ----------
     rate : float
         Sampling rate, Hz.
     starts, lengths : ndarray of int, shape (s,)
-        Number of the first sample of each stretch on the grid, ascending from 0, and the number of
-        samples of the stretch.
+        Grid point of the first sample of each stretch on the grid, ascending from 0, and the number
+        of samples of the stretch.
     levels : ndarray of int, shape (s,)
         Number of the level of each stretch, ascending from 0 without a break. Stretches with only a
         gap between them share a level.
     values : ndarray, shape (n,), optional
-        Values of one channel, all stretches one after the other.
+        Values of one channel, all n samples of the stretches, one after the other; None if only the
+        times matter.
     """
 
     rate: float
@@ -42,7 +44,7 @@ class Signal:
 
     @cached_property
     def samples(self):
-        """Position of each of the n samples on the grid, (n,) of int, from 0; gaps count."""
+        """Grid point of each of the n samples, (n,) of int, from 0; missing samples count."""
         before = np.cumsum(self.lengths) - self.lengths
         return np.arange(self.lengths.sum()) + np.repeat(self.starts - before, self.lengths)
 
@@ -62,24 +64,29 @@ class Signal:
         return self.extent > SPARSEST * self.lengths.sum()
 
     def split(self, x):
-        """Return an array, (n,), cut into the stretches, a list of views.
+        """Return an array cut into the stretches, a list of views.
 
-        The array has a value for each of the n samples.
+        The array `x`, (n,), has a value for each of the n samples.
         """
         return np.split(x, np.cumsum(self.lengths)[:-1])
 
     def centred(self, x):
-        """Return an array, (n,), minus its mean between each two disturbances, (n,)."""
+        """Return an array minus its mean over each level, (n,).
+
+        The array `x`, (n,), has a value for each of the n samples. A level is the samples between
+        two disturbances.
+        """
         ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return a Signal without values, in which gaps of a few samples are left out of the grid.
+        """Return a Signal without values, in which gaps of a few samples are closed up.
 
-        Stretches with such a gap between them become one. A longer gap, or a new level, still ends
-        a stretch. White noise stays white and flicker stays flicker. A line does not stay a line. A
-        walk or a ramp goes on within the gaps, so it seems to change more from sample to sample: it
-        looks larger by up to the share of missing samples.
+        The missing samples are left out of the grid, and the stretches before and after the gap
+        become one. A longer gap, or a new level, still ends a stretch. White noise stays white and
+        flicker stays flicker. A line does not stay a line. A walk or a ramp goes on within the
+        gaps, so it seems to change more from sample to sample: it looks larger by up to the share
+        of missing samples.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
@@ -93,11 +100,12 @@ class Signal:
 
     @cached_property
     def power(self):
-        """Squared magnitude of the Fourier transform over a factor, (f,), and this factor, SI^2.
+        """Squared magnitude of the Fourier transform without a factor, (f,), and the factor, SI^2.
 
-        The f frequencies go from 0 to half the sampling rate. Before the transform, the mean of
-        each level and one slope are subtracted, gaps are filled with zeros, and the record is
-        padded to twice its length or a little more.
+        Their product is the squared magnitude in SI^2. The factor keeps the squares within single
+        precision. The f frequencies go from 0 to half the sampling rate. Before the transform, the
+        mean of each level and one slope are subtracted, gaps are filled with zeros, and the record
+        is padded to twice its length or a little more.
         """
         t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
         x -= (t @ x) / (t @ t) * t

@@ -24,17 +24,18 @@ class FittedSinusoid:
     frequency_std: float
 
     def subtract(self, signal):
-        """Return the Signal to which the sinusoid was fitted, without the sinusoid."""
+        """Return a Signal without the sinusoid; `signal` is the one to which it was fitted."""
         parts = [self.amplitudes @ columns[2:4] for _, columns in _chunks(signal, self.frequency)]
         return replace(signal, values=signal.values - np.concatenate(parts))
 
 
 def fit_sinusoid(signal, frequency):
-    """Return the FittedSinusoid of a Signal: the sinusoid of least squares near a frequency.
+    """Return the FittedSinusoid: the sinusoid near a frequency that fits a signal best.
 
-    The mean of each level and one slope are fitted with it. The method is Gauss-Newton. It starts
-    from `frequency`, Hz, which has to be right within 1/(4 span), where span is the duration of the
-    Signal, s. No step is longer than that.
+    `signal` is a Signal. The mean of each level, the samples between two disturbances, and one
+    slope are fitted together with the sinusoid, by least squares. The method is Gauss-Newton. It
+    starts from `frequency`, Hz, which has to be right within 1/(4 span), where span is the duration
+    of the Signal, s. No step of the frequency is longer than 1/(4 span).
     """
     step = 1 / (4 * signal.span)
     for _ in range(ROUNDS):
@@ -63,9 +64,11 @@ def fit_sinusoid(signal, frequency):
 
 
 def _products(signal, frequency):
-    """Return the sums over all samples of the products of each two rows of `_chunks`, (6, 6).
+    """Return the products of each two of six functions, summed over all samples, (6, 6).
 
-    The mean of each row over each level is subtracted first. `frequency` is in Hz.
+    The functions are the rows x, u, cosine, sine, u cosine and u sine of `_chunks`. The mean of
+    each function over each level, the samples between two disturbances, is subtracted first.
+    `signal` is the Signal, and `frequency` the one of cosine and sine, Hz.
     """
     number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))
@@ -76,11 +79,12 @@ def _products(signal, frequency):
 
 
 def _chunks(signal, frequency):
-    """Yield, for each chunk of k samples, the number of its level and six rows of numbers, (6, k).
+    """Yield the number of the level and six rows of numbers, (6, k), of each chunk of k samples.
 
-    The rows are x, u, cosine, sine, u cosine and u sine. x are the values of the Signal minus the
-    mean of their level. u is the time, which goes from -1 to 1 over the signal. Cosine and sine
-    have the `frequency`, Hz, and phase 0 at u = 0.
+    A chunk is a part of a stretch of `signal`, a Signal, and a level the samples between two
+    disturbances. The rows are x, u, cosine, sine, u cosine and u sine. x are the values of the
+    signal minus the mean of their level. u is the time, which goes from -1 to 1 over the signal.
+    Cosine and sine have the `frequency`, Hz, and phase 0 at u = 0.
     """
     half = (signal.extent - 1) / 2
     stretches = signal.split(signal.centred(signal.values))

@@ -18,12 +18,12 @@ SAME, NEXT = np.array([[1, 4 / 9, 1 / 36, 0], [1 / 36, 0.020014, 1 / 144, 0.0008
 
 
 def no_spectrum():
-    """Return a table of spectra.parquet without rows."""
+    """Return a table with the columns of spectra.parquet and without rows."""
     return table(COLUMNS, "", *[[]] * 4)
 
 
 def spectrum_table(axis, stretches, rate):
-    r"""Return the one-sided power spectral density of an axis by Welch's method.
+    r"""Return the one-sided power spectral density of an axis by Welch's method, as a table.
 
     A segment has half the samples of the longest stretch, rounded down to a power of two. Segments
     overlap by half, and none reaches over the end of a stretch. Neighbouring frequencies are
@@ -44,7 +44,7 @@ def spectrum_table(axis, stretches, rate):
     axis : str
         Name of the axis.
     stretches : sequence of ndarray
-        Output in each stretch, SI, finite.
+        Output of the axis in each stretch, a range of samples that are evenly spaced, SI, finite.
     rate : float
         Sampling rate, Hz.
 
