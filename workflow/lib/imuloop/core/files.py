@@ -20,9 +20,9 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def replaced(path):
     """Yield a temporary path in the folder of `path`; a file that is written there replaces `path`.
 
-    The file is replaced at the end of the ``with`` block. If the block raises, the temporary file
-    is removed. If the process is killed, the temporary file stays, and the next writer overwrites
-    it. Raises a MachineFault if the disk is full.
+    The file is replaced at the end of the ``with`` block. If the block raises an error, the
+    temporary file is removed and `path` stays as it was. If the process is killed, the temporary
+    file stays, and the next writer overwrites it. Raises a MachineFault if the disk is full.
     """
     # of a link the file is replaced that it leads to
     target = Path(path).resolve()
@@ -40,7 +40,10 @@ def replaced(path):
 
 
 def make_folder(path):
-    """Make a folder and all folders above it; raise an ImuloopError if the path is a file."""
+    """Make the folder `path` and all folders above it, if they do not exist.
+
+    Raises an ImuloopError if the path, or a folder above, is a file.
+    """
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -66,7 +69,11 @@ def refuse_overwriting(targets, sources):
 
 
 def _files_at(path):
-    """Return the file at a path, or all files in the folder there: paths by (device, inode)."""
+    """Return the file at a path, or all files in the folder there, a dict.
+
+    The keys are pairs of device and inode, which are the same for all names of a file; the values
+    are paths. `path` need not exist; the dict is then empty.
+    """
     files, folders, waiting = {}, set(), [Path(path)]
     for place in waiting:
         # a file that does not exist, or may not be accessed, cannot be an input
@@ -83,7 +90,12 @@ def _files_at(path):
 
 
 def plain(value):
-    """Return a value that JSON can hold: arrays become lists, not-a-number and infinity None."""
+    """Return a value in a form that JSON can hold.
+
+    `value` is a number, a text, an array, or a dict, list or tuple of such values. Arrays and
+    tuples become lists, numbers of NumPy plain numbers, not-a-number and infinity None, and keys
+    texts.
+    """
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -98,16 +110,17 @@ def plain(value):
 
 
 def write_json(path, content):
-    """Write `content` as a JSON file; a reader sees the old file or the whole new one.
+    """Write `content`, such as a dict, as a JSON file at `path`.
 
-    Arrays become lists; not-a-number and infinity become null.
+    Another program sees the old file or the whole new one. Arrays become lists; not-a-number and
+    infinity become null.
     """
     with replaced(path) as temporary:
         temporary.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path, most=None):
-    """Return the content of a JSON file.
+    """Return the content of the JSON file at `path`, such as a dict.
 
     `most` is the largest size of the file, bytes; by default any size is read. Raises an
     ImuloopError if the file is not a regular file, is larger, or is not valid: not in UTF-8, nested
@@ -129,7 +142,7 @@ def read_json(path, most=None):
 
 
 def read_yaml(path):
-    """Return the content of a YAML file of the package.
+    """Return the content of a YAML file of the package, such as a dict, from its `path`.
 
     PyYAML's parser in C is used if it is installed.
     """
@@ -138,7 +151,7 @@ def read_yaml(path):
 
 
 def _object(pairs):
-    """Return the dict of a JSON object from its (key, value) pairs.
+    """Return the dict of a JSON object from its `pairs`, a list of (key, value).
 
     Raises a ValueError if a key is repeated.
     """

@@ -21,9 +21,10 @@ LONG_GAP_STEPS = 9.5
 
 
 def gap_limit(usual, steps=GAP_STEPS):
-    """Return the time step above which a step is a gap, in the unit of `usual`.
+    """Return the longest time step that is not a gap, in the unit of `usual`.
 
-    `usual` is the usual step, and `steps` is the limit in usual steps.
+    A gap is a step in which samples are missing. `usual` is the usual step, and `steps` is the
+    limit as a number of usual steps, by default `GAP_STEPS`.
     """
     return steps * usual
 
@@ -31,8 +32,8 @@ def gap_limit(usual, steps=GAP_STEPS):
 def lost_samples(steps, usual):
     """Return the number of samples that are missing in each of n time steps, (n,) of int.
 
-    `steps`, (n,), are the time steps, s, and `usual` is the usual one, s. The number is 0 in a step
-    that is not a gap.
+    `steps`, (n,), are the time steps, s, and `usual` is the usual step, s. The number is 0 in a
+    step of at most `GAP_STEPS` usual steps.
     """
     is_gap = steps > gap_limit(usual)
     return np.where(is_gap, np.rint(steps / usual), 1).astype(int) - 1

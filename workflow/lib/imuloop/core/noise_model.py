@@ -29,20 +29,20 @@ class Coefficient:
 
     @property
     def square(self):
-        """Square of the value, SI squared; 0 if the data do not support the term."""
+        """Square of the coefficient, SI squared; 0 if the data do not support its term."""
         return 0.0 if self.value is None else self.value**2
 
     @property
     def size(self):
-        """The value, SI, or the upper limit if the data do not support the term, or None."""
+        """The value, SI; without one, the 95 % upper limit, or None if there is no limit either."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
     def of(cls, value, error):
-        """Return the Coefficient with a value that the data support, and with a standard error.
+        """Return the Coefficient with this `value` and the standard error `error`, both SI.
 
-        `value` and `error` are in SI. The limits follow from a normal distribution; the 95 %
-        interval does not go below zero.
+        It counts as supported by the data. Its 95 % interval and its one-sided 95 % upper limit are
+        those of a normal distribution; the lower end of the interval is cut off at zero.
         """
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
@@ -50,7 +50,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class GaussMarkovTerm:
-    """First-order Gauss-Markov process: coefficient `q` of its drive, correlation time `tc`, s."""
+    """First-order Gauss-Markov process: driving white noise `q`, SI, correlation time `tc`, s."""
 
     q: Coefficient
     tc: Coefficient
@@ -75,9 +75,10 @@ class LowPassTerm:
 
     @property
     def interval_hz(self):
-        """Sampling rate of the sensor, Hz, if its values were resampled to the log; None if not.
+        """Sampling rate of the sensor, Hz, if its values were resampled for the log; else None.
 
-        The kind of the filter says so: values that were held, interpolated or averaged.
+        The kind of the filter shows the resampling: values that were held, interpolated or
+        averaged.
         """
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
@@ -88,10 +89,11 @@ _TERMS = {"gauss_markov": GaussMarkovTerm, "sinusoid": SinusoidTerm, "low_pass":
 
 
 def _read(content, name=""):
-    """Return a value of noise.json as the field `name` of an AxisNoise, or of one of its terms.
+    """Return a value of noise.json as the field of an AxisNoise, or of one of its terms.
 
-    A dict becomes a Coefficient or, by the name of the field, a term. A list or a tuple becomes a
-    tuple of them.
+    `content` is the value, and `name` the name of the field, empty for none. A dict becomes a
+    Coefficient or, by the name of the field, a term. A list or a tuple becomes a tuple of them, and
+    any other value stays as it is.
     """
     if isinstance(content, (list, tuple)):
         return tuple(_read(value, name) for value in content)
@@ -129,7 +131,7 @@ class AxisNoise:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the AxisNoise of one axis from its entry in noise.json, a dict."""
+        """Return the AxisNoise of one axis from `content`, its entry in noise.json, a dict."""
         # an axis without a filter may lack the key
         content = {"low_pass": None} | content
         names = [field.name for field in fields(cls)]
@@ -160,9 +162,9 @@ class AxisNoise:
         return variance
 
     def kernel(self, lags):
-        r"""Return the covariance of the integral X of the output at each two of m times, (m, m).
+        r"""Return the covariance of the integral X of the noise, over time, at m times, (m, m).
 
-        It is right only for increments of X from one time to another: terms that cancel in
+        The kernel is right only for increments of X from one time to another: terms that cancel in
         increments are left out. For each two times, d is their lag, s the earlier and t the later
         time. L is the last of all times. The processes give
 
@@ -193,12 +195,13 @@ class AxisNoise:
         return total
 
     def mean_covariance(self, windows, shared=None):
-        """Return the covariance of the mean output in n windows of time, (n, n), SI squared.
+        """Return the covariance of the mean noise in n windows of time, (n, n), SI squared.
 
-        Flicker and random walk add a constant that all windows of a power cycle have in common. A
-        fitted bias absorbs this constant, so its variance does not matter and is chosen small: the
-        walk starts at the first window. Means of different power cycles are independent.
-        Coefficients that are not identifiable count as 0. The ramp is not random and adds nothing.
+        Flicker and random walk add a constant that all windows of a power cycle, the time between
+        two switch-offs, have in common. A fitted bias absorbs this constant, so its variance does
+        not matter and is chosen small: the walk starts at the first window. Means of different
+        power cycles are independent. Coefficients that are not identifiable count as 0. The ramp is
+        not random and adds nothing.
 
         Parameters
         ----------
@@ -222,14 +225,18 @@ class AxisNoise:
 
 
 def edges(windows, power_cycle=None):
-    """Return, for each power cycle, the part of `AxisNoise.mean_covariance` that all axes share.
+    """Return the edges of windows of time, and functions of their lags, for each power cycle.
+
+    `AxisNoise.mean_covariance` needs them; they are the same for all axes. An edge is the time at
+    which a window starts or ends.
 
     Parameters
     ----------
     windows : ndarray, shape (n, 2)
         Start and end of each window, s.
     power_cycle : ndarray of int, shape (n,), optional
-        Power cycle of each window; by default all windows are in one.
+        Number of the power cycle, the time between two switch-offs, of each window; by default all
+        windows are in one.
 
     Returns
     -------
@@ -250,7 +257,7 @@ def edges(windows, power_cycle=None):
 
 
 def lags(t):
-    """Return five functions of each two of m times, (m, m) each, for `AxisNoise.kernel`.
+    """Return five functions of the lag of each two of m times, (m, m) each, for `AxisNoise.kernel`.
 
     They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6. s is the earlier and t the later of the
     two times, and L the last time of all. The times `t`, (m,), increase from 0, s.
@@ -286,7 +293,8 @@ class NoiseModel:
     def with_sizes(self, sizes):
         """Return the NoiseModel with other values of some coefficients.
 
-        `sizes` has the new values, SI, by (axis, term), such as ``("gx", "B")``.
+        `sizes` is a dict of new values, SI, by (axis, term), such as ``("gx", "B")``; all other
+        coefficients stay, and so do all intervals.
         """
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
@@ -295,12 +303,13 @@ class NoiseModel:
         return replace(self, axes=axes)
 
     def mean_covariance(self, windows, power_cycle=None):
-        """Return the covariance of the mean output of each axis in n windows of time, (6, n, n).
+        """Return the covariance of the mean noise of each axis in n windows of time, (6, n, n).
 
         The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. An axis without
         coefficients has zeros. `windows`, (n, 2), has start and end of each window, s.
-        `power_cycle`, (n,), has its power cycle; by default all windows are in one. Raises a
-        ValueError if a window does not end after its start.
+        `power_cycle`, (n,) of int, has the number of its power cycle, the time between two
+        switch-offs; by default all windows are in one. Raises a ValueError if a window does not end
+        after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
@@ -322,22 +331,23 @@ class NoiseModel:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the NoiseModel from the dict in noise.json, whose other keys are ignored."""
+        """Return the NoiseModel from `content`, the dict in noise.json; other keys are ignored."""
         axes = {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS}
         return cls(content["device"], axes)
 
     @classmethod
     def from_json(cls, path):
-        """Return the NoiseModel from a file noise.json."""
+        """Return the NoiseModel from a file noise.json at `path`."""
         return cls.from_dict(read_json(path))
 
 
 def without_weight(covariance):
-    """Return which of k covariances, (k, n, n), cannot be inverted, as two masks, (k,).
+    """Return which of k covariances cannot be inverted to a weight, as two masks, (k,).
 
-    The first mask marks covariances with a variance of zero. The second marks, among the others,
-    those in which some weighted sum of the n values has no variance. An example is a sinusoid
-    without other noise, whose covariance has rank two at most, by its cosine and sine.
+    `covariance`, (k, n, n), has k covariance matrices of n values. The first mask marks covariances
+    with a variance of zero. The second marks, among the others, those in which some weighted sum of
+    the n values has next to no variance. An example is a sinusoid without other noise, whose
+    covariance has rank two at most, by its cosine and sine.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

@@ -18,12 +18,16 @@ def multiply(p, q):
 
 
 def _pairs(q):
-    """Return quaternions w + x i + y j + z k, (..., 4), as pairs (w + x i, y + z i), (..., 2)."""
+    """Return quaternions as pairs of complex numbers, (..., 2).
+
+    `q`, (..., 4), has w, x, y and z of each quaternion ``w + x i + y j + z k``, whose pair is w + x
+    i and y + z i.
+    """
     return np.ascontiguousarray(q, dtype=float).view(complex)
 
 
 def _product(p, q):
-    """Return the products ``p q`` of quaternions in complex form, (..., 2).
+    """Return the products ``p q`` of quaternions `p` and `q` in complex form, (..., 2).
 
     In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i (`_pairs`).
     """
@@ -33,7 +37,11 @@ def _product(p, q):
 
 
 def exponential(vectors):
-    """Return the unit quaternions, (..., 4), of rotation vectors, rad, (..., 3)."""
+    """Return the unit quaternions of rotation vectors, scalar first, (..., 4).
+
+    `vectors`, (..., 3), have the direction of the axis of rotation and the length of the angle,
+    rad.
+    """
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     half = np.sqrt(x * x + y * y + z * z) / 2
     # sine of half the angle over the length of the vector, and its limit for the vector zero
@@ -42,7 +50,11 @@ def exponential(vectors):
 
 
 def matrix(q):
-    """Return the rotation matrices, (..., 3, 3), of unit quaternions, (..., 4)."""
+    """Return the rotation matrices of unit quaternions, (..., 3, 3).
+
+    `q`, (..., 4), are the quaternions, scalar first. Each matrix makes the same rotation of a
+    column vector as its quaternion.
+    """
     # times √2, so that each product below has the factor 2 of the formula of a rotation matrix
     w, x, y, z = np.sqrt(2) * np.moveaxis(np.asarray(q), -1, 0)
     rows = np.empty((3, 3, *np.shape(w)))
@@ -72,7 +84,7 @@ def step_vectors(rates, steps, uneven=None):
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
-        Whether samples are missing in a step.
+        Whether samples are missing in each step; by default in none.
 
     References
     ----------
@@ -91,10 +103,10 @@ def step_vectors(rates, steps, uneven=None):
 def mean_rates(rates, steps, uneven=None):
     """Return the mean angular rate in each of n - 1 time steps, rad/s, (..., n - 1, 3).
 
-    It is the mean of the cubic through both samples of the step and one neighbour on either side.
+    Each is the mean of the cubic through both samples of the step and one neighbour on either side.
     The four samples are taken as evenly spaced. In a step in which samples are missing, the cubic
-    goes through the samples at their true times instead. In the first and the last step, which lie
-    in a rest, the rate is taken as linear.
+    goes through the samples at their true times instead. In the first and the last step, in which
+    the device should be at rest, the rate is taken as linear.
 
     Parameters
     ----------
@@ -103,7 +115,7 @@ def mean_rates(rates, steps, uneven=None):
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
-        Whether samples are missing in a step.
+        Whether samples are missing in each step; by default in none.
     """
     rates, steps = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     total = rates[..., :-1] + rates[..., 1:]
@@ -129,11 +141,11 @@ def mean_rates(rates, steps, uneven=None):
 
 
 def prefix_product(q):
-    """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of n unit quaternions, (..., n, 4).
+    """Return the prefix products ``q₀, q₀q₁, q₀q₁q₂, …`` of n unit quaternions, (..., n, 4).
 
     If `q`, (..., n, 4), are the rotations of n steps, the products are the rotations since the
-    start. A recursion multiplies neighbours, computes the products of the results, and fills in
-    every other product. It needs two multiplications per quaternion.
+    start. A recursion multiplies neighbours, computes the prefix products of the results, and fills
+    in every other product. It needs two multiplications per quaternion.
 
     References
     ----------
@@ -143,9 +155,10 @@ def prefix_product(q):
 
 
 def _prefixes(q):
-    """Return the products ``q₀, q₀q₁, …`` of n quaternions in complex form, (..., n, 2).
+    """Return the prefix products ``q₀, q₀q₁, …`` of n quaternions in complex form, (..., n, 2).
 
-    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i (`_pairs`).
+    `q`, (..., n, 2), are the n quaternions in complex form. In this form a quaternion ``a + b j``
+    is the pair a = w + x i and b = y + z i (`_pairs`).
     """
     n = q.shape[-2]
     if n < 2:
@@ -161,8 +174,8 @@ def _prefixes(q):
 def shortest_turn(before, after):
     """Return the rotation vector of the shortest turn between two directions, rad, (3,).
 
-    If a device makes this turn, its body axis `after` ends where its body axis `before` was at the
-    start: the turn rotates direction `after` to `before`. Both are vectors of any length on body
-    axes, (3,).
+    The vector is on body axes. If a device makes this turn, its body axis `after` ends where its
+    body axis `before` was at the start: the turn rotates direction `after` to `before`. `before`
+    and `after`, (3,), are vectors of any length on body axes.
     """
     return Rotation.align_vectors(before, after)[0].as_rotvec()

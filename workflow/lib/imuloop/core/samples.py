@@ -50,16 +50,17 @@ CALIBRATED = "calibrated_by_imuloop"
 
 
 def other_sensor(sensor):
-    """Return the name of the other sensor: ``gyroscope`` for ``accelerometer``, and the reverse."""
+    """Return the name of the other sensor than `sensor`: ``gyroscope`` or ``accelerometer``."""
     (other,) = set(SENSORS) - {sensor}
     return other
 
 
 def at_rail(samples, rails, names):
-    """Return at which of n samples any of some channels is at an end of its range, a mask, (n,).
+    """Return at which of n samples any channel is at a rail, an end of its range, a mask, (n,).
 
-    `names` are the names of these channels. `rails` has the ends of the ranges, (low, high) by
-    name; an end is None if no sample reaches it.
+    `samples` is a table with a column for each channel, and `names` are the names of the channels
+    that count. `rails` is a dict of the ends of the measuring ranges, (low, high) by name; an end
+    is None if no sample reaches it.
     """
     clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
@@ -85,7 +86,7 @@ def filled(t, values):
 
 
 def schema(metadata):
-    """Return the Parquet schema of a file of samples.
+    """Return the Parquet schema of a file of samples: time and six channels as float64.
 
     The dict `metadata` is kept in it, as JSON under the key `METADATA_KEY`.
     """
@@ -94,7 +95,10 @@ def schema(metadata):
 
 
 def check_columns(names):
-    """Raise an ImuloopError if a column of samples is not among `names`, the columns of a table."""
+    """Raise an ImuloopError if a table lacks a column that samples need.
+
+    `names` are the names of the columns of the table. Needed are the time and the six channels.
+    """
     if lacking := [name for name in (TIME, *CHANNELS) if name not in names]:
         raise ImuloopError(
             f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
@@ -126,9 +130,9 @@ def refuse_calibrated(names, metadata):
 
 
 def parquet_file(path):
-    """Return an open Parquet file.
+    """Return the Parquet file at `path`, open.
 
-    Raises an ImuloopError that names the path if the file is incomplete.
+    Raises an ImuloopError that names the path if the file is incomplete or not a Parquet file.
     """
     try:
         return pq.ParquetFile(path)
@@ -140,13 +144,13 @@ def parquet_file(path):
 
 
 def read_samples(path):
-    """Return the samples in a Parquet file, a DataFrame."""
+    """Return the samples in the Parquet file at `path`, a DataFrame."""
     with parquet_file(path) as file:
         return file.read().to_pandas()
 
 
 def read_columns(path, columns=None):
-    """Return columns of a Parquet file, a dict of arrays by name.
+    """Return columns of the Parquet file at `path`, a dict of arrays by name.
 
     `columns` are the names of the columns to read, by default all.
     """
@@ -161,8 +165,8 @@ class Samples:
     """Samples of a session, whose columns are read from the file when they are first used.
 
     ``samples[name]`` and ``name in samples`` work as for a DataFrame, and ``len(samples)`` is the
-    number of rows. `names` are the names of the columns. The source is the path of a Parquet file,
-    a DataFrame, a dict of columns or other Samples.
+    number of rows. `names` are the names of the columns. The `source` is the path of a Parquet
+    file, a DataFrame, a dict of columns or other Samples.
     """
 
     def __init__(self, source):
@@ -184,7 +188,7 @@ class Samples:
         return name in self.names
 
     def __getitem__(self, name):
-        """Return a column, (n,) for n rows; missing values are not-a-number."""
+        """Return the column with a `name`, (n,) for n rows; missing values are not-a-number."""
         if name not in self.names:
             raise KeyError(name)
         if not isinstance(self._table, (str, Path)):
@@ -194,7 +198,7 @@ class Samples:
         return self._columns[name]
 
     def read(self, names, first, last):
-        """Return columns in a range of rows, (len(names), last - first).
+        """Return the columns `names` in a range of rows, (len(names), last - first).
 
         `first` is the first row, and `last` the row after the last one.
         """
@@ -219,9 +223,11 @@ def holds(source, sensor):
 
 
 def on_own_clock(source, sensor):
-    """Return the Samples of one sensor at its own time stamps, each sample once.
+    """Return the Samples of one sensor at the time stamps of its own clock, each sample once.
 
-    If both sensors have one clock, the result has all rows and columns of `source`.
+    `source` is anything from which Samples can be made, and `sensor` is the name of the sensor. If
+    the sensor has no clock apart from that of the table, the result has all rows and columns of
+    `source`.
     """
     samples, stamps = Samples(source), OWN_TIME[sensor]
     if stamps not in samples:
@@ -232,7 +238,7 @@ def on_own_clock(source, sensor):
 
 
 def own_rows(stamps):
-    """Return the first row of each sample of the slower sensor, (m,) of int.
+    """Return the first row of each of m own samples of the slower sensor, (m,) of int.
 
     If the sensors have two clocks, consecutive rows repeat a sample of the slower sensor. `stamps`,
     (n,), has the sample's own time stamp in each of the n rows.
@@ -241,11 +247,12 @@ def own_rows(stamps):
 
 
 def on_gyroscope_clock(columns):
-    """Return columns of samples, a dict of arrays by name, at the time stamps of the gyroscope.
+    """Return columns of samples at the time stamps of the gyroscope, a dict of arrays by name.
 
-    If the accelerometer is the slower sensor, its specific force is interpolated linearly. If it is
-    the faster one, its specific force is averaged over the samples nearest to each sample of the
-    gyroscope.
+    `columns` is such a dict at the time stamps of the faster sensor. If the sensors have one clock,
+    `columns` is returned unchanged. If the accelerometer is the slower sensor, its specific force
+    is interpolated linearly. If it is the faster one, its specific force is averaged over the
+    samples nearest to each sample of the gyroscope.
     """
     gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     # only the slower sensor has a column for its time stamps; several rows repeat its sample
@@ -277,15 +284,19 @@ def sums_over(values, ranges):
 
 
 def read_metadata(path):
-    """Return the metadata that imuloop stored in a Parquet file, a dict; empty without any."""
+    """Return the metadata that imuloop stored in the Parquet file at `path`, a dict.
+
+    The dict is empty if the file has none.
+    """
     with parquet_file(path) as file:
         return own_metadata(file.schema_arrow.metadata or {})
 
 
 def own_metadata(entries):
-    """Return the metadata that imuloop stored, a dict, from all entries of a Parquet file.
+    """Return the metadata that imuloop stored in a Parquet file, a dict.
 
-    If pandas wrote the file, they are in the `attrs` of the table.
+    `entries` is the dict of all metadata of the file, bytes by key. If pandas wrote the file, those
+    of imuloop are in the `attrs` of the table. The dict is empty if the file has none.
     """
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
     # another program may write anything under this key

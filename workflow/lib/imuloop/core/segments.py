@@ -29,7 +29,7 @@ _ROUNDING = 1e-14
 def segment_table(samples, start_s, end_s, kinds, poses):
     """Return the table of k segments, a DataFrame, with the statistics of every channel.
 
-    `tilt_rad` is set to zero.
+    The column `tilt_rad` is set to zero.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     start_s, end_s : array_like, shape (k,)
         Start and end of each segment, s, half-open.
     kinds : sequence of str
-        Kind of each segment.
+        Kind of each segment: ``static``, ``motion``, ``disturbed`` or ``gap``.
     poses : array_like of int, shape (k,)
         Number of the pose of each segment, -1 without one.
     """
@@ -66,9 +66,11 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 def power_cycles(segments):
     """Return the number of the power cycle of each of n segments, (n,) of int, from 0.
 
+    In a power cycle the device was on without a break.
+
     If a gap is longer than all segments of other kinds together, a new power cycle begins with it:
     the device was off, or the clock was set. The true duration of such a gap is not known, so noise
-    is independent before and after it. `segments` is a table of segments.
+    is independent before and after it. `segments` is the table of the n segments.
     """
     duration = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
     is_gap = np.asarray(segments["kind"]) == GAP

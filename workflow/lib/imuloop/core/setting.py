@@ -7,10 +7,10 @@ from dataclasses import field
 
 
 def setting(default, description, **limits):
-    """Return the field of a dataclass of settings, with a default, a description and limits.
+    """Return a setting: a field of a dataclass with its default, description and limits.
 
-    `limits` are ``gt``, ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a
-    list.
+    `default` is the default value, and `description` a text with the unit. `limits` are ``gt``,
+    ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
     """
     # without `strict`, pydantic would take a text such as 1e-3 for a number
     exact = {"strict": True} if isinstance(default, (int, float)) else {}

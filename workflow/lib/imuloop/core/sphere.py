@@ -21,7 +21,7 @@ def fibonacci_lattice(n):
 
 
 def count_attitudes(vectors, apart):
-    """Return the number of distinct directions among n vectors, an int.
+    """Return the number of attitudes, distinct directions on body axes, among n vectors, an int.
 
     `vectors`, (n, 3), are taken in order. A vector counts if it is farther than the angle `apart`,
     rad, from all vectors counted before. Vectors that are zero or not-a-number do not count.

@@ -7,15 +7,20 @@ from imuloop.core.samples import TIME
 
 
 def stretches_of(mask):
-    """Return the stretches in which a mask, (n,), is true, (k, 2)."""
+    """Return the stretches in which a mask is true, half-open ranges of indices, (k, 2).
+
+    `mask`, (n,), is true or false for each of n samples.
+    """
     edges = np.flatnonzero(np.diff(np.asarray(mask, dtype=int), prepend=0, append=0))
     return edges.reshape(-1, 2)
 
 
 def unbroken(rows):
-    """Return the stretches of samples between long gaps, (k, 2), and the median time step, s.
+    """Return the unbroken stretches, between long gaps, (k, 2), and the median time step, s.
 
-    `rows` are Samples. With fewer than two samples the step is 1 s; with none there is no stretch.
+    A stretch is a half-open range of rows; a long gap is a step of more than `LONG_GAP_STEPS`
+    median steps. `rows` are Samples. With fewer than two samples the step is 1 s; with none there
+    is no stretch.
     """
     step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
@@ -25,12 +30,18 @@ def unbroken(rows):
 
 
 def lengths(ranges):
-    """Return the number of samples in each of k half-open ranges of samples, (k,)."""
+    """Return the number of samples in each of k half-open ranges of samples, (k,), int.
+
+    `ranges`, (k, 2), has the first sample of each range and the one after its last.
+    """
     return np.diff(ranges, axis=1).ravel()
 
 
 def merged(ranges):
-    """Return ranges of samples, (k, 2), in order; ranges that overlap or touch become one."""
+    """Return ranges of samples in order, (k, 2), of which those that overlap or touch are merged.
+
+    `ranges`, (m, 2), are half-open and in any order.
+    """
     if not len(ranges):
         return ranges
     first, last = ranges[np.argsort(ranges[:, 0])].T
@@ -41,9 +52,10 @@ def merged(ranges):
 
 
 def without(ranges, cuts):
-    """Return the parts of ranges of samples that lie outside other ranges, the cuts, (l, 2).
+    """Return ranges of samples, (l, 2), without the parts that lie in other ranges, the cuts.
 
-    `ranges`, (m, 2), are in order. `cuts`, (k, 2), are in order and do not overlap or touch.
+    All ranges are half-open. `ranges`, (m, 2), are in order. `cuts`, (k, 2), are in order and do
+    not overlap or touch.
     """
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
@@ -56,10 +68,10 @@ def without(ranges, cuts):
 
 
 def divided(first, last, count):
-    """Return a range cut into `count` parts of nearly equal length, (count, 2).
+    """Return a range of samples cut into `count` parts of nearly equal length, (count, 2).
 
-    `first` is the first sample of the range, and `last` the one after its last sample. A count
-    below one counts as one.
+    `first` is the first sample of the range, and `last` the one after its last sample. The parts
+    are half-open ranges. A count below one counts as one.
     """
     edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])

@@ -14,24 +14,27 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def table(names, *values):
-    """Return a table, a dict of arrays by name, from the values of each column.
+    """Return a table, a dict of arrays by the name of the column, from the values of each column.
 
-    `names` are the names of the columns. A value that is a text or a number is repeated in all
-    rows.
+    `names` are the names of the columns, and `values` has an array for each. A single text or
+    number instead of an array is repeated in all rows.
     """
     columns = [np.asarray(x, object if isinstance(x, str) else float) for x in values]
     return dict(zip(names, np.broadcast_arrays(*columns), strict=True))
 
 
 def joined(tables):
-    """Return one table with the rows of several tables, which have the same columns."""
+    """Return one table, a dict of arrays, with the rows of all `tables`, in their order.
+
+    `tables` is a list of one or more such dicts, which have the same columns.
+    """
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def write_table(path, columns, metadata=None):
-    """Write a table, a dict of arrays or a DataFrame, as a Parquet file.
+    """Write a table, a dict of arrays or a DataFrame, as a Parquet file at `path`.
 
-    `metadata` is a dict, which is kept in the file as JSON.
+    `columns` is the table. `metadata` is a dict, which is kept in the file as JSON.
     """
     arrays = {name: np.asarray(columns[name]) for name in columns}
     # a column of objects has texts; the kind of others follows from the array
@@ -44,10 +47,10 @@ def write_table(path, columns, metadata=None):
 
 
 def write_sessions(path, tables):
-    """Write the tables of several sessions as one Parquet file.
+    """Write the tables of several sessions as one Parquet file at `path`.
 
-    `tables` has a table by name of the session. The first column of the file, ``session``, has this
-    name in each row.
+    `tables` is a dict: the table of each session, with the same columns, by the name of the
+    session. The first column of the file, ``session``, has this name in each row.
     """
     lengths = [len(next(iter(table.values()))) for table in tables.values()]
     names = {"session": np.repeat(np.array([*tables], object), lengths)}
@@ -57,7 +60,8 @@ def write_sessions(path, tables):
 def read_session(path, session):
     """Return the table of one session, a dict of arrays, from a Parquet file of several sessions.
 
-    The column ``session`` of the file has the name of the session in each row.
+    `session` is the name of the session, which the column ``session`` of the file has in its rows.
+    `path` is the path of the file. The table lacks this column.
     """
     columns = read_columns(path)
     rows = columns.pop("session") == session
@@ -73,7 +77,7 @@ def text_cell(text):
 
 
 def text_cells(table):
-    """Return an Arrow table in which no text is a formula for a spreadsheet (`text_cell`)."""
+    """Return the Arrow table `table` with texts that no spreadsheet executes (`text_cell`)."""
     for index, field in enumerate(table.schema):
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):

@@ -51,19 +51,19 @@ class RawUnit:
     offset: float = 0.0
 
     def to_si(self, raw):
-        """Return raw values in SI, by the scale and offset of the unit."""
+        """Return the values `raw`, in this unit, in SI: minus the offset, times the scale."""
         return (np.asarray(raw, dtype=float) - self.offset) * self.scale
 
     def from_si(self, value):
-        """Return SI values in the raw unit."""
+        """Return the values `value`, SI, in this unit: over the scale, plus the offset."""
         return np.asarray(value, dtype=float) / self.scale + self.offset
 
 
 def needed_by_counts(quantity, nominal=None):
-    """Return the config keys by which the scale of counts can be given, a text for a message.
+    """Return the config keys that counts need for their scale, a text for a message.
 
-    `quantity` is ``acceleration`` or ``angular_rate``. `nominal` is a dict; if it has ``ranges`` of
-    the sensor, the text lists them.
+    `quantity` is ``acceleration`` or ``angular_rate``. `nominal` is a dict of nominal figures of
+    the sensor; if it has ``ranges``, the names of its measuring ranges, the text lists them.
     """
     if ranges := (nominal or {}).get("ranges"):
         return f"range.{quantity}, one of {', '.join(ranges)}"
@@ -71,7 +71,7 @@ def needed_by_counts(quantity, nominal=None):
 
 
 def raw_unit(quantity, name, nominal=None):
-    """Return the RawUnit with a name, such as ``deg/s``.
+    """Return the RawUnit, the unit of logged values, with a name such as ``deg/s``.
 
     Ingest converts increments, such as ``deg``, to rates, so their unit is the SI unit of the rate.
     Raises an ImuloopError for an unknown unit, or for counts without a scale.
@@ -83,7 +83,8 @@ def raw_unit(quantity, name, nominal=None):
     name : str
         Name of the unit in the config.
     nominal : dict, optional
-        ``scale`` of counts, SI per count, and their ``offset``, counts.
+        ``scale`` of counts, SI per count, and their ``offset``, counts, 0 by default. Other units
+        do not need it.
     """
     if name == "count":
         if "scale" not in (nominal or {}):

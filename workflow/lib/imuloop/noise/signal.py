@@ -26,8 +26,8 @@ class Signal:
     rate : float
         Sampling rate, Hz.
     starts, lengths : ndarray of int, shape (s,)
-        Grid point of the first sample of each stretch on the grid, ascending from 0, and the number
-        of samples of the stretch.
+        Grid point of the first sample of each stretch, ascending from 0, and the number of samples
+        of the stretch.
     levels : ndarray of int, shape (s,)
         Number of the level of each stretch, ascending from 0 without a break. Stretches with only a
         gap between them share a level.
@@ -84,7 +84,7 @@ class Signal:
 
         The missing samples are left out of the grid, and the stretches before and after the gap
         become one. A longer gap, or a new level, still ends a stretch. White noise stays white and
-        flicker stays flicker. A line does not stay a line. A walk or a ramp goes on within the
+        flicker stays flicker. A sinusoid does not stay one. A walk or a ramp goes on within the
         gaps, so it seems to change more from sample to sample: it looks larger by up to the share
         of missing samples.
         """

@@ -21,7 +21,7 @@ _MOMENTS[:3, :3] += 1 / 15
 
 
 def expected_error(f):
-    """Return the expected error of an accelerometer that is calibrated with n attitudes, a float.
+    """Return the error to expect of an accelerometer that is calibrated with n attitudes, a float.
 
     The segment stage chooses the rests that make this error small. The error is a share of gravity,
     root mean square over all directions of gravity; without attitudes it is infinite. `f`, (n, 3),
@@ -33,13 +33,15 @@ def expected_error(f):
         y = (|u|² − 1)/2 = uᵀ B u + cᵀ u = x(u)ᵀ β,      B symmetric.
 
     y is the relative error of the norm, to first order; its variance is σ². The prior of β is
-    Gaussian with the covariance P, so the covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹. X has the row
-    x(u) of each attitude. The result is the root of the mean of xᵀ C x over all directions.
+    Gaussian with mean zero and the covariance P, so the covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹. X
+    has the row x(u)ᵀ of each attitude. The result is the root of the mean of xᵀ C x over all
+    directions.
 
     For σ² its upper 95 % limit is taken, (S + ε²) / χ²(0.05; ν + 1). S is the sum of the squared
-    residuals. ν = n − tr H are its degrees of freedom, with the hat matrix H of a fit with the
-    prior and with σ = ε. ε is `POSE_NORM`, a prior of σ with the weight of one attitude. So more
-    attitudes reduce C, worse ones increase σ, and a small residual of few attitudes does not count.
+    residuals of a fit with the prior and with σ = ε. ν = n − tr H are its degrees of freedom, with
+    the hat matrix H of this fit. χ²(0.05; ν + 1) is the 5 % quantile. ε is `POSE_NORM`, a prior of
+    σ with the weight of one attitude. So more attitudes reduce C, worse ones increase σ, and a
+    small residual of few attitudes does not count.
 
     References
     ----------
@@ -71,8 +73,9 @@ def attitudes(force, rests):
     """Return the mean specific force in each of k attitudes, m/s², (k, 3).
 
     Consecutive rests whose directions of specific force differ by at most `SAME_ATTITUDE` have one
-    attitude. `force` is the specific force, m/s², (3, n), and `rests` are the half-open ranges of
-    samples of the m rests, (m, 2).
+    attitude. An attitude is an orientation of the device relative to gravity. `force`, (3, n), is
+    the specific force at each of n samples, m/s². `rests`, (m, 2), are the half-open ranges of
+    samples of the m rests, in which the device does not move.
     """
     if not len(rests):
         return np.empty((0, 3))

@@ -28,21 +28,21 @@ ROUNDS = 10
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
-    """Return the covariance of vectors of mean zero, (k, k), on which outliers have no effect.
+    """Return a robust covariance of vectors of mean zero, (k, k): outliers have no effect on it.
 
     First, a covariance that is equal in all directions follows from the median size of the vectors.
-    Vectors near zero are chosen by it: those whose squared Mahalanobis distance is below the 97.5 %
-    quantile of χ². Their second moments give the next covariance, and so on. At the end, if the
-    tails are heavier than normal, the covariance is multiplied by a factor of up to `tail_limit`,
-    so that the 99 % quantile of the distance is right. The result does not depend on the axes of a
-    sensor.
+    By this covariance, vectors near zero are chosen: those whose squared Mahalanobis distance is
+    below the 97.5 % quantile of χ². Their second moments give the next covariance, and so on. At
+    the end, if the tails are heavier than normal, the covariance is multiplied by a factor of up to
+    `tail_limit`, so that the 99 % quantile of the distance is right. The result does not depend on
+    the axes of a sensor.
 
     Parameters
     ----------
     x : ndarray, shape (n, k)
-        n vectors with the three axes of one or more sensors.
+        n vectors of k = 3 or 6 channels: the three axes of one or more sensors.
     floor : ndarray, shape (k,)
-        Variance of rounding, which is added to each channel.
+        Variance of rounding of each channel, which is added on the diagonal.
     tail_limit : float, optional
         Largest factor by which heavy tails raise the covariance.
 
@@ -79,26 +79,27 @@ def squared_distance(x, covariance):
 
 
 def squared_distance_limit(probability, k, m):
-    """Return the squared distance that a vector of noise exceeds with a `probability`, a float.
+    """Return the squared distance that a vector of Gaussian noise exceeds with a `probability`.
 
-    The distance is Mahalanobis' distance from zero. The covariance of the `k` channels is estimated
-    from `m` other vectors. So the squared distance is Hotelling's T²: (m² − 1) k / (m (m − k))
-    times an F variable with k and m − k degrees of freedom. F exceeds ``(m − k) (1 − z) / (k z)``
-    with the probability that a Beta((m − k)/2, k/2) variable is below z. This form is accurate for
-    small probabilities.
+    The distance is Mahalanobis' distance from zero. A vector has `k` channels, and their covariance
+    is estimated from `m` other vectors. So the squared distance is Hotelling's T²: (m² − 1) k / (m
+    (m − k)) times an F variable with k and m − k degrees of freedom. F exceeds ``(m − k) (1 − z) /
+    (k z)`` with the probability that a Beta((m − k)/2, k/2) variable is below z. This form is
+    accurate for small probabilities.
     """
     z = betaincinv((m - k) / 2, k / 2, probability)
     return (m * m - 1) / m * (1 - z) / z
 
 
 def undisturbed_ranges(x, ranges, step, settings):
-    """Return the parts of ranges of samples in which a device at rest is not disturbed, (k, 2).
+    """Return the ranges of samples in which a device at rest is not disturbed, (k, 2).
 
-    A second difference is the sum over h samples, minus twice the sum over the next h samples, plus
-    the sum over the h samples after these. A linear drift does not change it. There is a scale for
-    each h = 2, 4, 8 …, up to the length `longest_scale_s`. The second differences of one scale, of
-    all channels, are compared with their own robust covariance. So flicker, random walk and drift
-    only increase the covariance of the scales on which they act.
+    A disturbance is a knock, a tilt or handling: a change of the mean that is too large for noise.
+    It shows in second differences. A second difference is the sum over h samples, minus twice the
+    sum over the next h samples, plus the sum over the h samples after these. A linear drift does
+    not change it. Each h = 2, 4, 8 … is a scale, up to the duration `longest_scale_s`. The second
+    differences of one scale, of all channels, are compared with their own robust covariance. So
+    flicker, random walk and drift only increase the covariance of the scales on which they act.
 
     A second difference is a disturbance if its squared distance occurs in Gaussian noise with a
     probability below `false_alarm` over the number of samples. All scales together have 1.3 second
@@ -114,12 +115,13 @@ def undisturbed_ranges(x, ranges, step, settings):
     Parameters
     ----------
     x : ndarray, shape (6, n)
-        The six channels, SI.
+        The six channels of accelerometer and gyroscope at n samples, SI.
     ranges : ndarray of int, shape (m, 2)
-        Ranges of samples between long gaps.
+        Half-open ranges of samples between long gaps, which are searched.
     step : float
         Median time step, s.
     settings : SegmentSettings
+        False alarm rate, longest scale, and the number of seconds cut around a disturbance.
 
     References
     ----------
@@ -141,7 +143,7 @@ def undisturbed_ranges(x, ranges, step, settings):
 
 
 def _find_cuts(x, ranges, floor, step, settings):
-    """Return the ranges of samples with a disturbance, (k, 2), from one round of the search.
+    """Return the cuts, ranges of samples with a disturbance, (k, 2), of one round of the search.
 
     A disturbance is a second difference that is too large for noise (`undisturbed_ranges`). The
     search goes from sums over two samples to longer ones.
@@ -149,7 +151,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     Parameters
     ----------
     x : ndarray, shape (6, n)
-        The six channels, SI.
+        The six channels of accelerometer and gyroscope at n samples, SI.
     ranges : ndarray of int, shape (m, 2)
         Ranges of samples that are searched.
     floor : ndarray, shape (6,)
@@ -157,6 +159,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        False alarm rate, longest scale, and the number of seconds cut around a disturbance.
     """
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
@@ -196,10 +199,12 @@ def _find_cuts(x, ranges, floor, step, settings):
 
 
 def _find_large(sums, differences, half, covariance, bound, guard):
-    """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
+    """Return the first sample, (k,), and the range to cut, (k, 2), of k large second differences.
 
-    All samples of a short second difference are cut out. A long second difference is cut at one
-    edge: at the start or the end of its middle samples, where the mean changes more.
+    A second difference is the sum over `half` samples, minus twice the sum over the next ones, plus
+    the sum over those after them. A large one is a disturbance. Samples are counted from the first
+    column of `sums`. All samples of a short second difference are cut out. A long second difference
+    is cut at one edge: at the start or the end of its middle samples, where the mean changes more.
 
     Parameters
     ----------
@@ -207,7 +212,8 @@ def _find_large(sums, differences, half, covariance, bound, guard):
         Sums of six channels over `half` samples. Column i starts at the sample i times the spacing,
         which is the smaller one of `half` and `SPACING`.
     differences : ndarray, shape (6, m)
-        Second differences of adjoining sums.
+        Second differences of adjoining sums, in units in which white noise has one variance for all
+        `half`; column i starts at the sample i times the spacing, too.
     half : int
         Number of samples of a sum.
     covariance : ndarray, shape (6, 6)
@@ -237,7 +243,7 @@ def _find_large(sums, differences, half, covariance, bound, guard):
 def _double_sums(sums, lag, thin):
     """Return sums of six channels over twice as many samples, (6, k).
 
-    `sums`, (6, m), are sums over consecutive samples. Two sums adjoin each other if their columns
-    differ by `lag`. One in `thin` of the results is kept.
+    `sums`, (6, m), are sums over consecutive samples. The samples of two sums adjoin each other if
+    their columns differ by `lag`; such two are added. One in `thin` of the results is kept.
     """
     return sums[:, :-lag:thin] + sums[:, lag::thin]

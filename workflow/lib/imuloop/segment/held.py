@@ -17,23 +17,23 @@ MOST = 0.8
 
 
 def held_rests(w, stretches, step, bias, shortest):
-    """Return the ranges of samples in which a hand holds the device in one attitude, (m, 2).
+    """Return the rests in which a hand holds the device in one attitude, ranges of samples, (m, 2).
 
-    In such a range the mean angular rate over `WINDOW` seconds differs from the bias by at most
-    `HOLDS`, in norm. The range lasts at least `SHORTEST` and at least `shortest`.
+    In such a range of samples the mean angular rate over `WINDOW` seconds differs from the bias by
+    at most `HOLDS`, in norm. The range lasts at least `SHORTEST` and at least `shortest` seconds.
 
     Parameters
     ----------
     w : ndarray, shape (3, n)
         Angular rate, rad/s.
     stretches : ndarray of int, shape (k, 2)
-        Ranges of samples between long gaps.
+        Half-open ranges of samples between long gaps, which are searched.
     step : float
         Median time step, s.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     shortest : float
-        Shortest rest, s.
+        Shortest rest of the settings, s.
     """
     width, rests = max(2, round(WINDOW / step)), [np.empty((0, 2), dtype=int)]
     for i, j in stretches[lengths(stretches) >= width]:
@@ -44,11 +44,12 @@ def held_rests(w, stretches, step, bias, shortest):
 
 
 def unite(still, by_hand):
-    """Return all rests in order of time, (m, 2), and which of them are in the hand, (m,).
+    """Return rests on a support and in the hand together, (m, 2), and which are in the hand, (m,).
 
-    A rest in the hand replaces the rests on a support that overlap with it. It is left out instead
-    in two cases: rests on a support are at least the share `MOST` of it; or it overlaps with less
-    than half of a rest on a support.
+    The rests are half-open ranges of samples in order of time. A rest in the hand replaces the
+    rests on a support that overlap with it. A rest in the hand is left out instead in two cases:
+    rests on a support take at least the share `MOST` of its samples; or its overlap with a rest on
+    a support is less than half of that rest.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def unite(still, by_hand):
 
 
 def sways(w, rests, bias, step):
-    """Return the size of the sway in each rest, rad, (m,).
+    """Return the size of the sway of the device in each of m rests in the hand, rad, (m,).
 
     The sway is the rotation from the mean attitude of the rest, root mean square. It includes the
     rotation about the vertical, which cannot be told from a bias.

@@ -12,10 +12,11 @@ TURNED = 0.087
 
 
 def _has_turned(rows, first, last, bias):
-    """Return whether the device turns by more than `TURNED` from its attitude at the first sample.
+    """Return whether the device turns by more than `TURNED` from its first attitude, a bool.
 
-    `rows` are the Samples of the session. `first` and `last` are a half-open range of rows. `bias`,
-    (3,), is the bias of the gyroscope, rad/s.
+    `rows` are the Samples of the session. The range of rows `first` to `last`, half-open, is
+    searched; the first attitude is the one at its start. `bias`, (3,), is the bias of the
+    gyroscope, rad/s.
     """
     t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
     attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
@@ -27,7 +28,8 @@ def _has_turned(rows, first, last, bias):
 def number_poses(rows, rests, table, stretches):
     """Return the number of the pose of each rest, 0, 1, 2 … in order of time, (m,).
 
-    A rest is in the pose of the rest before it under three conditions:
+    A pose is one attitude in which the device lies during one or more rests. A rest is in the pose
+    of the rest before it under three conditions:
 
     - No long gap lies between the two rests.
     - The direction of specific force agrees with that in the first rest of the pose: within
@@ -43,7 +45,7 @@ def number_poses(rows, rests, table, stretches):
     rests : ndarray of int, shape (m, 2)
         Ranges of samples of the rests.
     table : DataFrame
-        Rows of the rests in the table of segments, with mean and standard deviation of each
+        Rows of the m rests in the table of segments, with mean and standard deviation of each
         channel.
     stretches : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.

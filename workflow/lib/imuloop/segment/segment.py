@@ -55,11 +55,13 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     A segment is static, motion, disturbed or a gap. Every instant from the first sample to one step
     after the last belongs to exactly one segment.
 
-    - In a static session, a rest is a range without a disturbance and without a slow tilt. If the
-      device moves most of the time, rests are found as in other sessions.
+    - In a static session, in which the device should lie still, a rest is a range without a
+      disturbance and without a slow tilt. If the device moves most of the time, rests are found as
+      in other sessions.
     - In other sessions, rests are found by the static detector; ranges in which the device turns
       slowly or trembles are removed. Rests in the hand are added if they improve the calibration.
-    - In a session of attitudes, a rest with a clipped specific force is disturbed.
+    - In a session of attitudes, such as ``six_position``, a rest with a clipped specific force is
+      disturbed.
     - A gap lasts from one step after a sample to the next sample, or as long as a channel is stuck
       at one value.
 
@@ -68,24 +70,26 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     samples : Samples or DataFrame
         The samples of the session, SI.
     kind : str
-        Kind of the session.
+        Kind of the session, such as ``static`` or ``six_position``.
     settings : SegmentSettings
+        Conditions for a rest and for a disturbance.
     rails : dict, optional
-        Ends of the range of each channel that samples reach, (low, high) by name; None for an end
-        that is not reached.
+        Ends of the measuring range of each channel, (low, high) by name, at which samples are
+        clipped; None for an end that no sample reaches.
     stuck : array_like, shape (n, 2), optional
         Start and end of the spans in which a channel is stuck, s.
 
     Returns
     -------
     DataFrame
-        For each segment its start and end, s, kind, pose, number of samples, tilt, and mean and
-        standard deviation of each channel.
+        For each segment its start and end, s, kind, number of the pose, number of samples, tilt,
+        rad, and mean and standard deviation of each channel, SI.
     dict
-        ``poses``: the number of poses. For a static session also ``slow_tilts``, their number. For
-        other sessions also numbers of rests: ``short_rests`` are too short for the settings,
-        ``railed_rests`` are clipped, ``tilted_rests`` tilt. ``hand_held`` is whether some are in
-        the hand, and ``shorter`` has the shorter settings that were used instead, or is None.
+        ``poses``: the number of poses. For a static session also ``slow_tilts``, the number of slow
+        tilts that are cut out of rests. For other sessions also numbers of rests: ``short_rests``
+        are too short for the settings, ``railed_rests`` are clipped, ``tilted_rests`` tilt.
+        ``hand_held`` is whether some rests are in the hand, and ``shorter`` has the shorter
+        durations that replaced those of the settings, or is None.
     """
     rows = Samples(samples)
     # ranges of samples between long gaps, and the same without the spans that are stuck
@@ -141,7 +145,8 @@ def _divide(rows, step, whole, stretches, rests, kinds, others):
     whole : ndarray of int, shape (k, 2)
         Ranges of samples between long gaps.
     stretches : ndarray of int, shape (l, 2)
-        The same without the spans in which a channel is stuck, which are gaps, too.
+        The same ranges without the spans in which a channel is stuck at one value. These spans
+        become gaps, too.
     rests : ndarray of int, shape (m, 2)
         Ranges of samples of the rests, which lie within the stretches.
     kinds : ndarray of str, shape (m,)
@@ -184,6 +189,7 @@ def _between_disturbances(rows, stretches, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        Conditions for a disturbance.
     """
     x = rows.read(CHANNELS, 0, len(rows))
     stamps = next((name for name in OWN_TIME.values() if name in rows), None)
@@ -199,11 +205,11 @@ def _between_disturbances(rows, stretches, step, settings):
 
 
 def _find_rests(rows, stretches, step, settings):
-    """Return the rests of a moving session, (m, 2), the tilt in each, rad, (m,), and metadata.
+    """Return the rests of a session with motion, (m, 2), the tilt in each, rad, (m,), and metadata.
 
-    If the rests have fewer than `ENOUGH` attitudes, and at least `LEAST_SHORT` still stretches were
-    too short to be rests, the search is repeated with shorter durations. The rests of the second
-    search are used if they have enough attitudes.
+    If the rests have fewer than `ENOUGH` attitudes, and at least `LEAST_SHORT` still stretches, in
+    which the device did not move, were too short to be rests, the search is repeated with shorter
+    durations. The rests of the second search are used if they have enough attitudes.
 
     Parameters
     ----------
@@ -214,11 +220,13 @@ def _find_rests(rows, stretches, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        Conditions for a rest.
 
     Returns
     -------
     rests, tilt : ndarray, shape (m, 2), (m,)
-        Ranges of rows, and the tilt in each, rad; 0 if it is not significant.
+        Half-open ranges of rows of the rests, and the tilt in each, rad; 0 if it is not
+        significant.
     metadata : dict
         ``short_rests``: number of still stretches that are too short to be rests. ``tilted_rests``:
         number of rests with a tilt. ``hand_held``: whether some rests are in the hand. ``shorter``:
@@ -243,7 +251,8 @@ def _choose_rests(log, settings):
     Steady rests are preferred: rests without the parts in which the device turns slowly or
     trembles. All rests are used if the steady ones are too few, that is, if the expected error of a
     calibration with them is more than `DEAREST` times as large as with all rests. Rests in the hand
-    are added if they reduce the expected error to less than the share `WORTH_HOLDING` of it.
+    are added if they reduce the expected error to less than the share `WORTH_HOLDING` of the error
+    without them.
 
     Parameters
     ----------
@@ -251,13 +260,15 @@ def _choose_rests(log, settings):
         Specific force, m/s², (3, n), angular rate, rad/s, (3, n), the ranges of samples between
         long gaps, (k, 2), and the time step, s.
     settings : SegmentSettings
+        Conditions for a rest.
 
     Returns
     -------
     rests, tilt : ndarray, shape (m, 2), (m,)
-        Ranges of samples, and the tilt in each, rad.
+        Half-open ranges of samples of the chosen rests, and the tilt in each, rad; 0 if it is not
+        significant.
     in_hand : bool
-        Whether some are in the hand.
+        Whether some of them are in the hand.
     short : int
         Number of still stretches that are too short to be rests.
     """
@@ -283,7 +294,7 @@ def _choose_rests(log, settings):
 
 
 def _detect(log, settings):
-    """Return all rests of a session, the steady rests, the bias, and the number of short stretches.
+    """Return all rests of a session, the steady rests, the bias, and a count of short stretches.
 
     Parameters
     ----------
@@ -291,6 +302,7 @@ def _detect(log, settings):
         Specific force, m/s², (3, n), angular rate, rad/s, (3, n), the ranges of samples between
         long gaps, (k, 2), and the time step, s.
     settings : SegmentSettings
+        Conditions for a rest.
 
     Returns
     -------

@@ -33,7 +33,7 @@ TRIM_S, EDGE_S = 0.05, 0.1
 
 @dataclass(frozen=True)
 class Activity:
-    """Variances and mean angular rate in a window about each of n samples."""
+    """Activity of a device: variances and mean angular rate in a window about each of n samples."""
 
     # (2, n): variances of accelerometer and gyroscope, summed over the axes, over their level at
     # rest; infinite if no window fits between two long gaps or the accelerometer reads zero
@@ -42,17 +42,18 @@ class Activity:
     window: int  # length of the window, samples
 
     def within(self, multiples):
-        """Return where the variances of both sensors are small, a mask, (n,).
+        """Return at which of n samples the variances of both sensors are small, a mask, (n,).
 
-        `multiples` is a pair, for accelerometer and gyroscope: the largest ratio of the variance to
-        its level at rest.
+        `multiples` is a pair, for accelerometer and gyroscope: the largest ratio of the variance in
+        the window to its level at rest that counts as small.
         """
         return np.all(self.variances <= np.reshape(multiples, (2, 1)), axis=0)
 
     def away(self, biases):
-        """Return the distance of the mean angular rate from the nearest of k biases, rad/s, (n,).
+        """Return how far the mean angular rate is away from the nearest of k biases, rad/s, (n,).
 
-        `biases` are the biases of the gyroscope, rad/s, (k, 3).
+        The distance is a norm, one for each of n samples. `biases` are biases of the gyroscope,
+        rad/s, (k, 3).
         """
         return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
 
@@ -60,9 +61,10 @@ class Activity:
 def activity(force, rate, stretches, window):
     """Return the Activity of a session, by which rests are told from motion.
 
-    The level of a sensor at rest is the 5 % quantile of its variance over all windows, but not less
-    than the variance of rounding. It is correct if at least a tenth of the log is at rest. No
-    window crosses a long gap.
+    The Activity has the variances of both sensors in a window about each sample, divided by their
+    levels at rest, and the mean angular rate. The level of a sensor at rest is the 5 % quantile of
+    its variance over all windows, but not less than the variance of rounding. It is correct if at
+    least a tenth of the log is at rest. No window crosses a long gap.
 
     Parameters
     ----------
@@ -110,6 +112,7 @@ def moves(rows, stretches, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        Length of the window, s, and `rate_tolerance`, rad/s.
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
     first, _, means = block_means(rows, stretches, width)
@@ -122,12 +125,13 @@ def moves(rows, stretches, step, settings):
 
 
 def rates_at_rest(windows, settings):
-    """Return the bias of the gyroscope, or both biases if it jumps: a list of vectors, rad/s, (3,).
+    """Return the one or two biases of the gyroscope, a list of vectors, rad/s, (3,).
 
-    The first bias is the median angular rate of all quiet windows. Quiet windows whose rate differs
-    from it by more than `rate_tolerance` have a second bias if two conditions hold: they belong to
-    `RESTS_OF_A_BIAS` rests or more, and nearly all of them have the same rate. Slow turns also have
-    other rates, but each turn has a different one.
+    A second bias is found if the bias jumps during the session. The first bias is the median
+    angular rate of all quiet windows, in which the variances are near their levels at rest. Quiet
+    windows whose rate differs from it by more than `rate_tolerance` have the second bias if two
+    conditions hold: they belong to `RESTS_OF_A_BIAS` rests or more, and nearly all of them have the
+    same rate. Slow turns also have other rates, but each turn has a different one.
 
     `windows` is the Activity of the session, and `settings` are SegmentSettings.
     """
@@ -143,9 +147,10 @@ def rates_at_rest(windows, settings):
 
 
 def detect_rests(still, stretches, step, settings):
-    """Return the rests of a session, (m, 2), and the number of still stretches that are too short.
+    """Return the rests of a session, (m, 2), and the number of stretches too short to be rests.
 
-    A rest is a range of still samples. Each end that touches motion is trimmed by `TRIM_S`.
+    A rest is a half-open range of still samples of at least `shortest_rest_s`. Each end that
+    touches motion is trimmed by `TRIM_S`.
 
     Parameters
     ----------
@@ -158,6 +163,7 @@ def detect_rests(still, stretches, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        Shortest rest, s.
     """
     trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
@@ -170,9 +176,9 @@ def detect_rests(still, stretches, step, settings):
 
 
 def long_enough(rests, shortest, step):
-    """Return which rests are long enough, a mask, (m,).
+    """Return which of m ranges of samples are long enough to be rests, a mask, (m,).
 
-    `rests`, (m, 2), are their ranges of samples. A rest has to last `shortest` seconds and to have
+    `rests`, (m, 2), are the ranges, half-open. A rest has to last `shortest` seconds and to have
     `FEWEST_SAMPLES` samples. `step` is the time step, s.
     """
     samples = lengths(rests)
@@ -183,10 +189,10 @@ def widen_rests(f, w, rests, stretches, step):
     """Return the rests, (m, 2), extended on both sides as far as the device is still.
 
     The detector ends a rest half a window too early. So, outward from each end, means of both
-    sensors over `EDGE_S` are compared with the mean of the rest. A mean agrees if the squared
-    difference, summed over the three axes and divided by the variance of such a mean, is below the
-    quantile of χ² that noise exceeds once in 100,000. The new end lies `EDGE_S` before the first
-    mean that does not agree.
+    sensors over `EDGE_S` seconds are compared with the mean of the rest. A mean agrees if the
+    squared difference, summed over the three axes and divided by the variance of such a mean, is
+    below the quantile of χ² that noise exceeds once in 100,000. The new end lies `EDGE_S` short of
+    the first mean that does not agree.
 
     Parameters
     ----------

@@ -50,6 +50,7 @@ def unsteady_samples(w, rests, step, settings):
     step : float
         Median time step, s.
     settings : SegmentSettings
+        Shortest window and false alarm rate.
     """
     parts = [divided(i, j, int(np.ceil((j - i) * step / PART))) for i, j in rests]
     parts = np.concatenate([np.empty((0, 2), dtype=int), *parts])

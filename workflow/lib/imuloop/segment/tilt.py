@@ -30,28 +30,29 @@ SURE = 3.0
 def tilts(rows, ranges, step):
     """Return the ranges of samples in which a device that should rest tilts slowly, (k, 2).
 
-    Both sensors see a tilt. Let u be the specific force in units of its magnitude, r the angular
-    rate and b the bias of the gyroscope. A tilt turns u by du/dt = u × (r - b). A drift of the
-    accelerometer's bias changes u as well, but does not change r. So the change of u is compared
-    with the turn that the gyroscope shows, ∫ u × (r - b) dt, in windows of all lengths. A window
-    shows a tilt under two conditions: u changes by at least `LEAST`; and the change of u minus the
-    turn is at most the share `MOST_LEFT` of the change of u, in root mean squares.
+    A tilt is a slow turn about a horizontal axis. Both sensors see it. Let u be the specific force
+    in units of its magnitude, r the angular rate and b the bias of the gyroscope. A tilt turns u by
+    du/dt = u × (r - b). A drift of the accelerometer's bias changes u as well, but does not change
+    r. So the change of u is compared with the turn that the gyroscope shows, ∫ u × (r - b) dt, in
+    windows of all lengths. A window shows a tilt under two conditions: u changes by at least
+    `LEAST`; and the change of u minus the turn that the gyroscope shows is at most the share
+    `MOST_LEFT` of the change of u, in root mean squares.
 
-    The comparison is made in two ways. First, the best line is subtracted from both, which removes
-    any bias: this shows tilts that start or end in the window. Second, only the mean is subtracted,
-    and b is the median rate: this shows steady tilts. Tilts slower than the drift of b are not
-    seen. A ramp of the temperature that changes both biases is not taken for a tilt, because it
-    makes the turn quadratic in time and u linear.
+    The comparison is made in two ways. First, the best line over time is subtracted from the change
+    of u and from the turn, which removes any bias: this shows tilts that start or end in the
+    window. Second, only the mean is subtracted, and b is the median rate: this shows steady tilts.
+    Tilts slower than the drift of b are not seen. A ramp of the temperature that changes both
+    biases is not taken for a tilt, because it makes the turn quadratic in time and u linear.
 
-    If windows of several lengths show a tilt, the shortest is used. The result has the part of each
-    such window in which u changes.
+    If windows of several lengths show a tilt, the shortest is used. The result is the range of
+    samples, within each window with a tilt, in which u changes.
 
     Parameters
     ----------
     rows : Samples
         The samples of a session.
     ranges : ndarray of int, shape (m, 2)
-        Ranges of samples at rest.
+        Half-open ranges of samples at rest, which are searched.
     step : float
         Median time step, s.
     """
@@ -76,12 +77,13 @@ def tilts(rows, ranges, step):
 
 
 def _find_windows(u, turned):
-    """Return the shortest windows of blocks in which u turns as the gyroscope says, (k, 2).
+    """Return the shortest windows of blocks in which the device tilts by both sensors, (k, 2).
 
-    `u`, (n, 3), is the direction of specific force in n blocks of samples. `turned`, (n, 3), is the
-    change of u since the first block by the gyroscope, rad. u and `turned` are compared twice:
-    after the best line is subtracted from both, and after only the mean is subtracted. Windows that
-    overlap are merged.
+    A window is a half-open range of block numbers. In a window with a tilt, the specific force
+    turns as the gyroscope says. `u`, (n, 3), is the direction of specific force in n blocks of
+    samples. `turned`, (n, 3), is the change of u since the first block by the gyroscope, rad. u and
+    `turned` are compared twice: after the best line is subtracted from both, and after only the
+    mean is subtracted. Windows that overlap are merged.
     """
     chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
@@ -109,11 +111,11 @@ def _find_windows(u, turned):
 
 
 def _changing_part(u):
-    """Return the range of blocks, (2,), in which u changes from its first to its last value.
+    """Return the range of blocks in which u changes from its first to its last value, (2,).
 
-    `u`, (n, 3), is the direction of specific force in n blocks. The range starts where u is more
-    than `LEAST` / 2 away from its first value, and ends where u is less than `LEAST` / 2 away from
-    its last value.
+    The range is half-open. `u`, (n, 3), is the specific force in n blocks of samples, divided by
+    its usual magnitude. The range starts where u is more than `LEAST` / 2 away from its first
+    value, and ends where u is less than `LEAST` / 2 away from its last value.
     """
     # blocks after u has left the first value, and before it reaches the last
     has_left, is_before = (np.linalg.norm(u - x, axis=1) > LEAST / 2 for x in (u[0], u[-1]))
@@ -122,12 +124,12 @@ def _changing_part(u):
 
 
 def without_tilts(f, w, rests, bias, step):
-    """Return rests without ends in which the device tilts, and the tilt of each rest.
+    """Return m rests without the ends in which the device tilts, and the tilt of each rest.
 
-    Each rest is divided into parts. It is cut to its longest stretch of parts without a tilt, if
-    that removes at most the share `CUT` of it; its tilt is then 0. Otherwise the rest is kept as it
-    is, because a tilt changes the direction of gravity but not the norm. Its tilt is then the root
-    mean square over its parts.
+    Each rest is divided into parts of about `PART` seconds. It is cut to its longest
+    stretch of parts without a tilt, if that removes at most the share `CUT` of it; its tilt is then
+    0. Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but not
+    the norm. Its tilt is then the root mean square of the tilts in its parts.
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def without_tilts(f, w, rests, bias, step):
     w : ndarray, shape (3, n)
         Angular rate, rad/s.
     rests : ndarray of int, shape (m, 2)
-        Ranges of samples of the rests.
+        Half-open ranges of samples of the rests.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     step : float
@@ -162,13 +164,14 @@ def without_tilts(f, w, rests, bias, step):
 
 
 def rest_tilts(f, w, rests, bias, step):
-    r"""Return for each rest its parts, (k, 2), and the tilt in each part, rad, (k,), as a list.
+    r"""Return the k parts of each rest, (k, 2), and the tilt in each, rad, (k,), a list of pairs.
 
-    A device may tilt during a rest on a soft surface or in a hand. The noise of the two sensors is
-    independent, but both see a tilt. Let y be the direction of specific force minus its mean over a
-    part, and x the same by the gyroscope, both in blocks of `SHORT_BLOCK` seconds. But for the
-    noise of the accelerometer, y = 0 if the device lies still, and y = x if it tilts. The logarithm
-    of the likelihood ratio, tilting over still, is
+    A part is a half-open range of samples of about `PART` seconds. A device may tilt during a rest
+    on a soft surface or in a hand. The noise of the two sensors is independent, but both see a
+    tilt. Let y be the direction of specific force minus its mean over a part, and x the same
+    difference by integration of the angular rate, both in blocks of `SHORT_BLOCK` seconds. But for
+    the noise of the accelerometer, y = 0 if the device lies still, and y = x if it tilts. The
+    logarithm of the likelihood ratio of a tilting device to a still one is
 
     .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2.
 
@@ -190,7 +193,7 @@ def rest_tilts(f, w, rests, bias, step):
     w : ndarray, shape (3, n)
         Angular rate, rad/s.
     rests : ndarray of int, shape (m, 2)
-        Ranges of samples of the rests.
+        Half-open ranges of samples of the m rests.
     bias : ndarray, shape (3,)
         Bias of the gyroscope, rad/s.
     step : float
@@ -227,11 +230,12 @@ def rest_tilts(f, w, rests, bias, step):
 
 
 def _block_changes(f, w, first, last, bias, width, step):
-    """Return the change of gravity's direction by each sensor in b blocks, rad, (b, 3) each.
+    """Return the change of gravity's direction in b blocks, rad, by each sensor, two arrays (b, 3).
 
-    The first is the change by the accelerometer, the second by the gyroscope, both relative to
-    their mean over the range. The second is ``ū × (δ - δ̄)``, with the mean direction ū of specific
-    force, and the integral δ of the angular rate less its bias, whose mean is δ̄.
+    The first array is the change by the accelerometer, the second the change by the gyroscope, both
+    on body axes and relative to their mean over all blocks. The second array is ``ū × (δ - δ̄)``,
+    with the mean direction ū of specific force, and the integral δ of the angular rate less its
+    bias, whose mean is δ̄.
 
     Parameters
     ----------

@@ -12,9 +12,9 @@ DECIDING = 1_000_000
 def sliding_statistics(x, n):
     """Return the mean and the variance in a window of `n` samples about each sample, both (m, …).
 
-    `x`, (m, …), has m samples, at least n. Within half a window of either end, the first or the
-    last whole window is used. The variance is the mean of x² less the square of the mean of x; the
-    median is subtracted from x first, so that rounding does not matter.
+    `x`, (m, …), has m samples in any unit, at least n of them. Within half a window of either end,
+    the first or the last whole window is used. The variance is the mean of x² less the square of
+    the mean of x; the median is subtracted from x first, so that rounding does not matter.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -30,10 +30,10 @@ def sliding_statistics(x, n):
 
 
 def block_means(rows, ranges, width):
-    """Return the means of all channels over blocks of `width` consecutive samples.
+    """Return the means of the six channels over blocks of `width` consecutive samples.
 
-    `rows` are Samples, and `ranges`, (m, 2), are ranges of their rows that are divided into blocks.
-    Samples at the end of a range that do not fill a block are left out.
+    `rows` are Samples, and `ranges`, (m, 2), are half-open ranges of their rows, which are divided
+    into blocks. Samples at the end of a range that do not fill a block are left out.
 
     Returns
     -------
@@ -55,10 +55,10 @@ def block_means(rows, ranges, width):
 def rounding_variance(x):
     """Return the variance that rounding adds to one axis of a sensor, a float.
 
-    It is a twelfth of the squared resolution. `x`, (m, 3), are the samples of the three axes. The
-    resolution is the smallest step between two consecutive samples that is not due to their number
-    format. Only the first million samples are searched. If the values never change, the resolution
-    is not known; the result is then 1, as any positive variance will do.
+    The variance is a twelfth of the squared resolution. `x`, (m, 3), are m samples of the three
+    axes, in any unit. The resolution is the smallest step between two consecutive samples that is
+    not due to their number format. Only the first million samples are searched. If the values never
+    change, the resolution is not known; the result is then 1, as any positive variance will do.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)

@@ -37,12 +37,13 @@ _DEVIATIONS = {"typical": 1.0, "one_sigma": 1.0, "maximum": 1 / sqrt(3)}
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Standard deviations of a sensor's parameters about their nominal values.
+    """Tolerances: standard deviations of a sensor's parameters about their nominal values.
 
     Attributes
     ----------
     misalignment : float
-        Of the elements of T off the diagonal, rad.
+        Of the misalignments, the elements off the diagonal of the matrix from sensor axes to body
+        axes, rad.
     scale_factor : float
         Of the scale factors relative to the nominal one, without unit.
     bias : float
@@ -80,9 +81,9 @@ class Range:
     full_scale : float
         Largest value that the range covers by the data sheet, m/s^2 or rad/s.
     scale : float
-        m/s^2 or rad/s per count.
+        Nominal scale, m/s^2 or rad/s per count.
     noise_density : float or None
-        Typical white noise, m/s^2/√Hz or rad/s/√Hz; None if not known.
+        Typical density of white noise, m/s^2/√Hz or rad/s/√Hz; None if not known.
     """
 
     name: str
@@ -93,18 +94,18 @@ class Range:
 
 @dataclass(frozen=True)
 class SensorFigures:
-    """Figures of the accelerometer or of the gyroscope of a part, SI.
+    """Figures of one sensor, the accelerometer or the gyroscope of a part, SI.
 
     Attributes
     ----------
     source : str
-        Document that has the figures.
+        Name of the document that has the figures.
     evidence : str
         Kind of the document: ``data sheet`` or ``driver``.
     ranges : tuple of Range
-        From the smallest full scale to the largest.
+        Measuring ranges, from the smallest full scale to the largest.
     tolerance : Tolerance
-        Standard deviations of its parameters about their nominal values.
+        Standard deviations of the sensor's parameters about their nominal values.
     """
 
     source: str
@@ -114,7 +115,7 @@ class SensorFigures:
 
     @property
     def noise_density(self):
-        """Typical white noise, SI per √Hz; None if not known or different between ranges."""
+        """Typical density of white noise, SI per √Hz; None if unknown or if the ranges differ."""
         densities = {one_range.noise_density for one_range in self.ranges}
         return densities.pop() if len(densities) == 1 else None
 
@@ -134,15 +135,15 @@ class DataSheet:
     gyroscope: SensorFigures | None
 
     def choose_range(self, quantity, full_scale=None):
-        """Return the Range with a full scale.
+        """Return the measuring Range of one sensor of the part that has a given full scale.
 
         Parameters
         ----------
         quantity : str
             ``acceleration`` or ``angular_rate``.
         full_scale : str or float, optional
-            A text with a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. It is not
-            needed if the sensor of the quantity has a single range.
+            The full scale wanted: a text with a unit, such as ``16 g`` or ``2000 deg/s``, or a
+            number in SI. It is not needed if the sensor of the quantity has a single range.
 
         Raises
         ------
@@ -173,7 +174,7 @@ def sensor_names():
 
 
 def find_sensor(name):
-    """Return the data sheet of a sensor in the table.
+    """Return the DataSheet of a sensor in the table of sensors.
 
     Its tolerances are standard deviations. A typical figure of the sheet counts as one standard
     deviation. A maximum counts as the half-width of a rectangular distribution, whose standard
@@ -223,7 +224,7 @@ def _table():
 
 
 def _plain(name):
-    """Return a name in lower case without punctuation and spaces, for comparison."""
+    """Return `name` in plain form, lower case without punctuation and spaces, for comparison."""
     return re.sub(r"[\W_]", "", str(name)).lower()
 
 
@@ -263,16 +264,16 @@ def _figures(sensor, part):
 def _deviation(part, pattern, sensor, parameter):
     """Return the standard deviation of a parameter of a sensor by its data sheet, SI.
 
-    A typical figure counts as one standard deviation, a maximum as √3 standard deviations. The
-    larger result counts, but not less than `FLOOR`. If the sheet lacks the figure, it is taken from
-    `GENERIC`.
+    A typical figure counts as one standard deviation, a maximum as √3 standard deviations. If the
+    sheet has both, the larger result counts, but not less than `FLOOR`. If the sheet lacks the
+    figure, it is taken from `GENERIC`.
 
     Parameters
     ----------
     part : dict
         Entry of the sensor in the table.
     pattern : str
-        Key in it, with braces for the unit, such as ``zero_offset_{}``.
+        Key in this entry, with braces for the unit, such as ``zero_offset_{}``.
     sensor : str
         ``accelerometer`` or ``gyroscope``.
     parameter : str
@@ -286,11 +287,11 @@ def _deviation(part, pattern, sensor, parameter):
 
 
 def _find(part, pattern):
-    """Return the value of a key that ends with its unit, the SI value of this unit, and the unit.
+    """Return the value of a key that ends with a unit, the SI value of this unit, and the unit.
 
     `part` is an entry of the table of sensors, a dict. `pattern` is the key with braces for the
-    unit, such as ``full_scale_{}`` for ``full_scale_g``. The value is None if the dict has no such
-    key.
+    unit, such as ``full_scale_{}`` for ``full_scale_g``. If the dict has no such key, the results
+    are None, not-a-number and an empty text.
     """
     for unit, factor in _UNITS.items():
         if (key := pattern.format(unit)) in part:

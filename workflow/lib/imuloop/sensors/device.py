@@ -12,7 +12,7 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     Parameters
     ----------
     sensor : str, optional
-        Name of the sensor in the table.
+        Name of the sensor, the part that the device has, in the table of data sheets.
     ranges, nominal, full_scale : dict, optional
         ``range``, ``nominal`` and ``full_scale`` of the config, by quantity: ``acceleration`` and
         ``angular_rate``. Their values replace those of the data sheet.

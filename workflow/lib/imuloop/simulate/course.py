@@ -18,16 +18,17 @@ HAND = {"wobble": 5 * DEGREE, "tremor": 0.15 * DEGREE, "shake": 0.8}
 def spread(n, rng):
     """Return `n` unit vectors evenly spread over the sphere, (n, 3), in random order.
 
-    The whole set is turned at random. `rng` is a numpy Generator, the source of random numbers.
+    The whole set is rotated at random. `rng` is a numpy Generator, the source of random numbers.
     """
     return rng.permutation(Rotation.random(rng=rng).apply(fibonacci_lattice(n)))
 
 
 def tilted(directions, degrees, rng):
-    """Return n unit vectors, (n, 3), each tilted at random.
+    """Return n unit vectors, (n, 3), each tilted by a random angle about a random axis.
 
-    `directions`, (n, 3), are the vectors before the tilt, and `degrees` is the standard deviation
-    of the tilt about each of two axes. `rng` is a numpy Generator, the source of random numbers.
+    `directions`, (n, 3), are the unit vectors before the tilt, and `degrees` is the standard
+    deviation of the tilt about each of two axes perpendicular to a vector, degrees. `rng` is a
+    numpy Generator, the source of random numbers.
     """
     tilt = rng.standard_normal(directions.shape) * degrees * DEGREE
     vectors = directions + np.cross(tilt, directions)
@@ -35,11 +36,12 @@ def tilted(directions, degrees, rng):
 
 
 def poses(session, rate, rng):
-    """Return the pieces of a six- or multi-position session, and its first upward axis.
+    """Return the pieces of a session with many poses, and the upward direction at its start, (3,).
 
-    The pieces are a list of Piece, rests and moves by turns. The upward axis is the upward
-    direction on body axes at the start, a unit vector, (3,). `session` is a SessionTruth, `rate`
-    the sampling rate, Hz, and `rng` a numpy Generator, the source of random numbers.
+    The session has six or many positions. The pieces are a list of Piece, the motion of a rest and
+    of a move by turns. The upward direction is a unit vector on body axes. `session` is a
+    SessionTruth, `rate` the sampling rate, Hz, and `rng` a numpy Generator, the source of random
+    numbers.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -54,7 +56,7 @@ def poses(session, rate, rng):
         shaken = set(1 + rng.permutation(len(up) - 1)[: round(motor.share * (len(up) - 1))])
 
     def samples(span):
-        """Return the number of samples of a random duration between the ends of `span`, s."""
+        """Return the number of samples of a random duration, between the two ends of `span`, s."""
         return round(rng.uniform(*span) * rate)
 
     def random_rest(pose):
@@ -86,12 +88,12 @@ def poses(session, rate, rng):
 
 
 def at_rest(session, rate, rng):
-    """Return the pieces of a static session, and the upward direction at its start, (3,).
+    """Return the pieces of a session at rest, and the upward direction at its start, (3,).
 
-    The pieces are a list of Piece: rests, and the disturbances between them. A knock is a short
-    burst of acceleration. A tilt is a lasting turn about a horizontal axis. Handling is some
-    seconds of wobble, tremor and acceleration, after which the attitude is the same as before. The
-    upward direction is a unit vector on body axes.
+    The pieces are a list of Piece, the motion of each rest and of each disturbance between two
+    rests. A knock is a short burst of acceleration. A tilt is a lasting turn about a horizontal
+    axis. Handling is some seconds of wobble, tremor and acceleration, after which the attitude is
+    the same as before. The upward direction is a unit vector on body axes.
 
     `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a numpy Generator, the
     source of random numbers. Raises an ImuloopError if disturbances overlap, are not in order of

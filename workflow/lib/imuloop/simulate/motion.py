@@ -33,7 +33,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a session: a rest or a move of n samples.
+    """A piece of a session: the true motion in a rest or a move of n samples.
 
     Attitudes are quaternions, scalar first. They rotate from the body axes to the body axes at the
     start of the piece.
@@ -47,10 +47,10 @@ class Piece:
 
 
 def rest(n, pose, acceleration=None):
-    """Return a rest of `n` samples, a Piece.
+    """Return a rest of `n` samples, a Piece: the attitude stays the same.
 
-    `pose` is the number of the pose. `acceleration`, (n, 3), m/s^2, is the acceleration of a
-    vibration on level axes; by default there is none.
+    `pose` is the number of the pose, the attitude in which the device lies. `acceleration`, (n, 3),
+    m/s^2, is the acceleration of a vibration on level axes; by default there is none.
     """
     unchanged = np.array([1.0, 0, 0, 0])
     return Piece(
@@ -65,12 +65,12 @@ def rest(n, pose, acceleration=None):
 def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     """Return a move of `n` samples from rest to rest, a Piece.
 
-    The attitude is ``C = exp(v s) exp(m φ) exp(p ψ)``. v is the turn, with the minimum-jerk course
-    ``s = 10τ³ - 15τ⁴ + 6τ⁵``, where τ is the time and goes from 0 to 1. φ is a wobble about a
-    second axis m, and ψ a tremor about a third axis p. Each factor ``R = exp(a θ)`` is a rotation
-    by the angle θ about the axis a; it changes the angular rate ω to ``Rᵀω + a dθ/dt``. Wobble,
-    tremor and linear acceleration fade in and out as ``64 τ³(1-τ)³``. The sample after the last one
-    is at rest again.
+    The attitude, relative to that at the start, is ``C = exp(v s) exp(m φ) exp(p ψ)``. v is the
+    turn, with the minimum-jerk course ``s = 10τ³ - 15τ⁴ + 6τ⁵``, where τ is the time and goes from
+    0 to 1 during the move. φ is a wobble about a second axis m, and ψ a tremor about a third axis
+    p. Each factor ``R = exp(a θ)`` is a rotation by the angle θ about the axis a; it changes the
+    angular rate ω to ``Rᵀω + a dθ/dt``. Wobble, tremor and linear acceleration fade in and out as
+    ``64 τ³(1-τ)³``. The sample after the last one is at rest again.
 
     Parameters
     ----------
@@ -81,12 +81,13 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     turn : array_like, shape (3,)
         The turn v, a rotation vector on body axes at the start, rad.
     wobble, tremor : float
-        The largest φ and ψ, rad.
+        The largest φ and the largest ψ, rad.
     shake : float
-        Size of the linear acceleration, m/s^2.
+        Size of the linear acceleration: standard deviation of the amplitude of its slow part on
+        each level axis, m/s^2.
     rng : Generator, optional
-        Source of axes, phases and frequencies of wobble, tremor and linear acceleration, a numpy
-        Generator. Without it there are none of these three.
+        A numpy Generator, the source of axes, phases and frequencies of wobble, tremor and linear
+        acceleration. Without it the move has only the turn.
 
     References
     ----------
@@ -124,10 +125,11 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
 
 
 def knock(n, dt, size, rng):
-    """Return a knock of `n` samples, a Piece: a decaying burst of 15 Hz with a little rocking.
+    """Return a knock of `n` samples, a Piece: decaying acceleration of 15 Hz and a little rocking.
 
-    `dt` is the time between two samples, s, and `size` the amplitude of the burst, m/s^2. `rng` is
-    a numpy Generator, the source of the random directions.
+    `dt` is the time between two samples, s, and `size` the amplitude of the acceleration at its
+    start, m/s^2. At the end the attitude is the same as before. `rng` is a numpy Generator, the
+    source of the random directions.
     """
     t = dt * np.arange(n)
     burst = np.exp(-t / 0.06) * np.sin(2 * np.pi * 15 * t)
@@ -138,10 +140,11 @@ def knock(n, dt, size, rng):
 
 
 def hum(n, dt, rms, frequency, rng):
-    """Return the acceleration by a running motor, (n, 3), m/s^2: a sine along a random axis.
+    """Return the hum, the acceleration by a running motor, (n, 3), m/s^2: a sine on a random axis.
 
-    `dt` is the time between two of the `n` samples, s. `rms` is the root mean square, m/s^2, and
-    `frequency` is in Hz. `rng` is a numpy Generator, the source of axis and phase.
+    `dt` is the time between two of the `n` samples, s. `rms` is the root mean square of the
+    acceleration, m/s^2, and `frequency` that of the sine, Hz. `rng` is a numpy Generator, the
+    source of axis and phase.
     """
     direction = rng.standard_normal(3)
     wave = np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
@@ -149,10 +152,10 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the Motion of a session from its pieces, one after the other.
+    """Return the Motion of a session: the chain of its pieces, one after the other.
 
-    `pieces` is a list of Piece. `up`, (3,), is the upward direction on body axes at the start.
-    `gravity` is local gravity, m/s^2, and `rate` the sampling rate, Hz.
+    `pieces` is a list of Piece. `up`, (3,), is the upward direction on body axes at the start, a
+    unit vector. `gravity` is local gravity, m/s^2, and `rate` the sampling rate, Hz.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0

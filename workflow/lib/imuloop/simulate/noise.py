@@ -9,7 +9,7 @@ def white(n, dt, N, rng):
 
     `dt` = Δt is the time between two samples, s, and `N` the coefficient, SI/√Hz. N² is the
     two-sided density, and the band ends at half the sampling rate, so the standard deviation of a
-    sample is N/√Δt. `rng` is a numpy Generator.
+    sample is N/√Δt. `rng` is a numpy Generator, the source of random numbers.
     """
     return N / np.sqrt(dt) * rng.standard_normal(n)
 
@@ -17,10 +17,11 @@ def white(n, dt, N, rng):
 def quantisation(n, dt, Q, rng):
     """Return n samples of quantisation noise, SI, (n,).
 
-    An integrated signal is read with white errors q of the standard deviation `Q`, SI·s. The noise
-    is the error of its rate: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE Std 952-1997, C.1.2). `dt` = Δt is
-    the time between two samples, s, and `rng` is a numpy Generator. The rounding of the logged
-    value is another process, which is not included.
+    A sensor reads the integral of its input with white errors q of the standard deviation `Q`,
+    SI·s. The noise is the error of the rate of this integral: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE
+    Std 952-1997, C.1.2). `dt` = Δt is the time between two samples, s, and `rng` is a numpy
+    Generator, the source of random numbers. The rounding of the logged value is another process,
+    which is not included.
     """
     return np.diff(Q * rng.standard_normal(n + 1)) / dt
 
@@ -28,12 +29,13 @@ def quantisation(n, dt, Q, rng):
 def flicker(n, dt, B, rng):
     """Return n samples of flicker noise, SI, (n,).
 
-    `dt` is the time between two samples, s, and `B` the bias instability, SI. The two-sided density
-    is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan variance is ``(2 ln 2/π)
-    B²``. At each frequency f, in steps of Δf, the noise has an independent Gaussian cosine and sine
-    of variance ``B²/(πf) Δf``. Their sum is periodic. So it is computed for twice the length and
-    cut in half: start and end of the result are then not equal, and the lowest frequency has a
-    period of twice its length. `rng` is a numpy Generator.
+    `dt` is the time between two samples, s, and `B` the coefficient, the bias instability, SI. The
+    two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
+    variance is ``(2 ln 2/π) B²``. At each frequency f, in steps of Δf, the noise has an independent
+    Gaussian cosine and sine of variance ``B²/(πf) Δf``. Their sum is periodic. So it is computed
+    for twice the length and cut in half: start and end of the result are then not equal, and the
+    lowest frequency has a period of twice its length. `rng` is a numpy Generator, the source of
+    random numbers.
 
     References
     ----------
@@ -52,8 +54,9 @@ def flicker(n, dt, B, rng):
 def walk(n, dt, K, rng):
     """Return n samples of a random walk that starts near zero, SI, (n,).
 
-    `dt` = Δt is the time between two samples, s, and `K` the coefficient, SI/√s: a step has the
-    standard deviation K √Δt. `rng` is a numpy Generator.
+    `dt` = Δt is the time between two samples, s, and `K` the coefficient, SI/√s: a step from sample
+    to sample has the standard deviation K √Δt. `rng` is a numpy Generator, the source of random
+    numbers.
     """
     return np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n))
 
@@ -61,13 +64,13 @@ def walk(n, dt, K, rng):
 def ramp(n, dt, R):
     """Return n samples of a ramp ``R t`` that starts at zero, SI, (n,).
 
-    `dt` is the time between two samples, s, and `R` is in SI/s.
+    `dt` is the time between two samples, s, and `R` is the slope, SI/s.
     """
     return R * dt * np.arange(n)
 
 
 def steps(n, dt, size, times):
-    """Return n samples of a bias that jumps between two values, SI, (n,).
+    """Return n samples of a bias with steps, jumps between two values, SI, (n,).
 
     It jumps from zero to `size`, SI, at the first of the `times`, s, back to zero at the second,
     and so on. `dt` is the time between two samples, s.
@@ -83,8 +86,8 @@ def axis_noise(n, dt, noise, axis, seed):
     """Return n samples of the noise of one axis, the sum of all its processes, SI, (n,).
 
     `dt` is the time between two samples, s. `noise` is the `Noise` of the sensor, and `axis` the
-    number of the axis. Each process draws its random numbers from its own child of `seed`, a
-    SeedSequence, so that a change of one process does not change another.
+    number of the axis, 0, 1 or 2. Each process draws its random numbers from its own child of
+    `seed`, a SeedSequence, so that a change of one process does not change another.
     """
     total = ramp(n, dt, noise.R[axis])
     for (name, process), child in zip(PROCESSES.items(), seed.spawn(4), strict=True):

@@ -7,19 +7,21 @@ from imuloop.simulate.noise import axis_noise
 
 
 def output(truth, x, channels):
-    """Return the output of a sensor before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, SI, (n, 3).
+    """Return the output of a sensor before noise, ``u = T⁻¹ x + e(u)``, SI, (n, 3).
 
-    The effects e depend on the output u itself, so the equation is solved by repeated substitution.
-    Each of four rounds multiplies the error by de/du, a few per cent at most.
+    Without noise, it is ``K (raw - b)`` of the raw values. The effects e depend on the output u
+    itself, so the equation is solved by repeated substitution. Each of four rounds multiplies the
+    error by de/du, a few per cent at most.
 
     Parameters
     ----------
     truth : SensorTruth
         The sensor: misalignment T, scale factors K, biases b and effects e.
     x : ndarray, shape (n, 3)
-        True vectors on body axes, SI.
+        True specific force or angular rate on body axes at n samples, SI.
     channels : callable
-        Takes an output, (n, 3), and returns the `Channels`, the inputs of the effects.
+        Function of an output of the sensor, (n, 3), SI, that returns the `Channels`: the inputs of
+        the effects, such as this output, the time and the temperature.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -40,13 +42,13 @@ def logged(truth, u, bias, dt, seed):
     truth : SensorTruth
         The sensor: scale factors K, noise and the step of rounding.
     u : ndarray, shape (n, 3)
-        Output before noise, SI.
+        Output before noise at n samples, SI.
     bias : ndarray, shape (3,)
         The bias b in this power cycle, raw units.
     dt : float
         Time between two samples, s.
     seed : SeedSequence
-        Seed of the noise.
+        Seed of the random numbers of the noise.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):
@@ -56,12 +58,12 @@ def logged(truth, u, bias, dt, seed):
 
 
 def rounded(x, step):
-    """Return values `x` rounded to multiples of `step`, or unchanged if the step is 0."""
+    """Return the array `x` rounded to multiples of `step`, or unchanged if `step` is 0."""
     return np.round(x / step) * step if step else x
 
 
 def lagged(x, dt, tc):
-    """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to n values x, (n,).
+    """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to n samples of x, (n,).
 
     `x`, (n,), are samples `dt` s apart, and `tc` is the time constant, s. y starts at the first
     value of x. The result is exact if x is linear between the samples. If `tc` is 0, the result is
@@ -77,10 +79,11 @@ def lagged(x, dt, tc):
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a thermometer logs, degC, (n,): with lag, noise and rounding.
+    """Return n samples of the temperature that a thermometer logs, degC, (n,).
 
-    `thermometer` is a Thermometer. `temperature`, (n,), is the temperature of the device, degC,
-    `dt` the time between two samples, s, and `seed` the SeedSequence of the noise.
+    `thermometer` is a Thermometer, with its lag, noise and rounding. `temperature`, (n,), is the
+    temperature of the device, degC, `dt` the time between two samples, s, and `seed` the
+    SeedSequence of the noise.
     """
     noise = np.random.default_rng(seed).standard_normal(len(temperature))
     reading = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise

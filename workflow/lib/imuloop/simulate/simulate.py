@@ -22,9 +22,9 @@ from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 def _seeds(truth, session, seed):
     """Return the seeds of motion, both sensors and thermometer, a list of four SeedSequence.
 
-    `truth` is a Truth, and `session` the name of one of its sessions. `seed` is a number; if it is
-    None, it is the one of the session. Sessions and devices with the same number have different
-    seeds.
+    `truth` is the Truth of a device, and `session` the name of one of its sessions. `seed` is a
+    number; if it is None, the seed of the session is used. Sessions and devices with the same
+    number have different seeds.
     """
     number = truth.sessions[session].seed if seed is None else seed
     name_hash = zlib.crc32(f"{truth.name}/{session}".encode())
@@ -34,9 +34,9 @@ def _seeds(truth, session, seed):
 def true_motion(truth, session, seed=None):
     """Return the true Motion of a simulated session: attitude, rate and force at each sample.
 
-    `simulate_session` with the same arguments returns the log of this motion. `truth` is a Truth,
-    and `session` the name of one of its sessions. `seed` is a number that replaces the seed of the
-    session.
+    `simulate_session` with the same arguments returns the log of this motion. `truth` is the Truth
+    of a device, and `session` the name of one of its sessions. `seed` is a number that replaces the
+    seed of the session; by default none does.
     """
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
@@ -51,11 +51,11 @@ def simulate_session(truth, session, seed=None):
     Parameters
     ----------
     truth : Truth
-        The device.
+        The device: its sensors and the plans of its sessions.
     session : str
         Name of one of its sessions.
     seed : int, optional
-        Replaces the seed of the session.
+        Number that replaces the seed of the session; by default none does.
 
     Returns
     -------
@@ -97,9 +97,10 @@ def simulate_session(truth, session, seed=None):
 
 
 def write_log(path, log, metadata):
-    """Write a raw log, a DataFrame, as CSV or, for any other ending of the path, as Parquet.
+    """Write the raw log `log`, a DataFrame, as CSV or Parquet file.
 
-    A Parquet file also gets the dict `metadata` and ``"simulated": true``.
+    It is CSV if `path` ends with ``.csv``, else Parquet. A Parquet file also gets the dict
+    `metadata` and ``"simulated": true``.
     """
     with replaced(path) as temporary:
         if Path(path).suffix == ".csv":
@@ -111,9 +112,10 @@ def write_log(path, log, metadata):
 
 
 def log_metadata(truth, session):
-    """Return the metadata of a simulated log, a dict: names of truth and session, kind and units.
+    """Return the metadata of a simulated log, a dict.
 
-    `truth` is a Truth, and `session` the name of one of its sessions.
+    They are the names of device and session, the kind of the session and the units of the sensors.
+    `truth` is the Truth of a device, and `session` the name of one of its sessions.
     """
     units = {
         "acceleration": truth.accelerometer.raw_unit,

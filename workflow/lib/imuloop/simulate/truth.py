@@ -18,7 +18,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Popcorn:
-    """Jumps of the bias by `size`, (3,), SI, and back to zero, in turn at the `times`, s."""
+    """Popcorn noise: the bias jumps by `size`, (3,), SI, and back, by turns at the `times`, s."""
 
     size: tuple
     times: tuple
@@ -41,7 +41,8 @@ class Noise:
 class SensorTruth:
     """The truth of one sensor, ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
 
-    x is the true vector on body axes, and e the sum of the effects.
+    x is the true specific force or angular rate on body axes, raw the logged value, and e the sum
+    of the effects.
     """
 
     # unit that is logged: m/s^2, rad/s, count, …
@@ -61,7 +62,7 @@ class SensorTruth:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A disturbance of a static session."""
+    """A disturbance of a static session, in which the device should lie still."""
 
     # 'knock', a burst of acceleration; 'tilt', a lasting turn; 'handling', some seconds of motion
     # that ends where it began
@@ -137,7 +138,7 @@ class SessionTruth:
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth of a simulated device: its sensors, thermometer and plans of its sessions."""
+    """The truth of a simulated device: sensors, thermometer, and plans of its sessions."""
 
     name: str  # name in the metadata of the logs
     accelerometer: SensorTruth
@@ -149,9 +150,10 @@ class Truth:
 
 
 def read_truth(path):
-    """Return the Truth in a YAML file, such as the files of data/replicas.
+    """Return the Truth of a simulated device from the YAML file at `path`.
 
-    Raises an ImuloopError if the file does not hold a truth.
+    Examples are the files of data/replicas. Raises an ImuloopError if the file does not hold a
+    truth.
     """
     content = read_yaml(path)
     try:
@@ -163,7 +165,7 @@ def read_truth(path):
 
 
 def _sensor(noise, effects=(), **fields):
-    """Return a SensorTruth from the entries of a sensor in a YAML file.
+    """Return a SensorTruth from the entries of one sensor in the YAML file of a truth.
 
     `noise` is a dict of noise coefficients, with the values of the three axes. `effects` has a dict
     for each FittedEffect. `fields` are T, K, b and other fields of the SensorTruth.
@@ -175,9 +177,10 @@ def _sensor(noise, effects=(), **fields):
 
 
 def _session(disturbances=(), **plan):
-    """Return a SessionTruth from the entries of a session in a YAML file.
+    """Return a SessionTruth from the entries of one session in the YAML file of a truth.
 
-    `disturbances` has a dict for each Disturbance; `plan` has all other entries.
+    `disturbances` has a dict for each Disturbance; `plan` has all other entries, which are fields
+    of the SessionTruth.
     """
     return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
@@ -185,8 +188,8 @@ def _session(disturbances=(), **plan):
 def example_truth(**changes):
     """Return the Truth in ``example.yaml``, a middle-grade MEMS device, with changes.
 
-    `changes` are attributes of the Truth with new values. The device has a rate of 100 Hz,
-    misalignments and scale factor errors of some 0.5 %, and white and flicker noise only. Its
-    sessions are half an hour at rest, six positions and many positions.
+    `changes` are attributes of the Truth with new values, such as ``rate=200.0``. Unchanged, the
+    device has a rate of 100 Hz, misalignments and scale factor errors of some 0.5 %, and white and
+    flicker noise only. Its sessions are half an hour at rest, six positions and many positions.
     """
     return replace(read_truth(Path(__file__).with_name("example.yaml")), **changes)
