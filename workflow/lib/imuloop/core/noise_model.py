@@ -307,9 +307,9 @@ class NoiseModel:
 
         The unit is (m/s^2)^2 for ax, ay, az and (rad/s)^2 for gx, gy, gz. An axis without
         coefficients has zeros. `windows`, (n, 2), has start and end of each window, s.
-        `power_cycle`, (n,) of int, has the number of its power cycle, the time between two
-        switch-offs; by default all windows are in one. Raises a ValueError if a window does not end
-        after its start.
+        `power_cycle`, (n,) of int, has the number of the power cycle, the time between two
+        switch-offs, of each window; by default all windows are in one. Raises a ValueError if a
+        window does not end after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):

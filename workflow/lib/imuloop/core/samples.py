@@ -273,8 +273,8 @@ def on_gyroscope_clock(columns):
 def sums_over(values, ranges):
     """Return the sum of `values`, (n, …), over each of m ranges of rows, (m, …).
 
-    The half-open `ranges`, (m, 2), are in order and do not overlap. None is empty, and only the
-    last may end with the last row.
+    The half-open `ranges`, (m, 2), are in order and do not overlap. Each has at least one row, and
+    only the last range may end with the last row.
     """
     edges = ranges.ravel()
     # reduceat sums from each edge to the next, of which every other sum is that of a range. It

@@ -66,11 +66,10 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 def power_cycles(segments):
     """Return the number of the power cycle of each of n segments, (n,) of int, from 0.
 
-    In a power cycle the device was on without a break.
-
-    If a gap is longer than all segments of other kinds together, a new power cycle begins with it:
-    the device was off, or the clock was set. The true duration of such a gap is not known, so noise
-    is independent before and after it. `segments` is the table of the n segments.
+    In a power cycle the device was on without a break. If a gap is longer than all segments of
+    other kinds together, a new power cycle begins with it: the device was off, or the clock was
+    set. The true duration of such a gap is not known, so noise is independent before and after it.
+    `segments` is the table of the n segments.
     """
     duration = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
     is_gap = np.asarray(segments["kind"]) == GAP

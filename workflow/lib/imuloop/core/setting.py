@@ -9,8 +9,9 @@ from dataclasses import field
 def setting(default, description, **limits):
     """Return a setting: a field of a dataclass with its default, description and limits.
 
-    `default` is the default value, and `description` a text with the unit. `limits` are ``gt``,
-    ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
+    `default` is the default value, and `description` a text with the unit. `limits` are bounds:
+    ``gt`` and ``lt``, exclusive, or ``ge`` and ``le``, inclusive, of a number; ``min_length`` and
+    ``max_length`` of a list.
     """
     # without `strict`, pydantic would take a text such as 1e-3 for a number
     exact = {"strict": True} if isinstance(default, (int, float)) else {}

@@ -6,8 +6,8 @@ import numpy as np
 def fibonacci_lattice(n):
     """Return `n` unit vectors that lie about evenly on the sphere, (n, 3).
 
-    Vector k = 0 … n - 1 has the height ``1 - (2 k + 1)/n``. Consecutive longitudes differ by the
-    golden angle, ``(3 - √5) π``.
+    Vector k = 0 … n - 1 has the height, the third component, ``1 - (2 k + 1)/n``. Consecutive
+    longitudes differ by the golden angle, ``(3 - √5) π``.
 
     References
     ----------

@@ -16,8 +16,8 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 def table(names, *values):
     """Return a table, a dict of arrays by the name of the column, from the values of each column.
 
-    `names` are the names of the columns, and `values` has an array for each. A single text or
-    number instead of an array is repeated in all rows.
+    `names` are the names of the columns, and `values` has an array of texts or numbers for each. A
+    single text or number instead of an array is repeated in all rows.
     """
     columns = [np.asarray(x, object if isinstance(x, str) else float) for x in values]
     return dict(zip(names, np.broadcast_arrays(*columns), strict=True))
@@ -69,7 +69,7 @@ def read_session(path, session):
 
 
 def text_cell(text):
-    """Return a text for a cell of a CSV file, so that a spreadsheet does not execute it.
+    """Return `text` for a cell of a CSV file, so that a spreadsheet does not execute it.
 
     A text that looks like a formula gets an apostrophe in front.
     """

@@ -45,8 +45,10 @@ def session_curves(session, settings, stage="raw"):
     Returns
     -------
     dict of ndarray
-        The columns of allan.parquet, `COLUMNS`, with a row per axis and averaging time. They have
-        no rows if the session has no rest, or if AllanTools, an optional package, is not installed.
+        The columns of allan.parquet, with a row per axis and averaging time: ``axis``, averaging
+        time ``tau_s``, s, deviation ``adev``, ends ``ci_low`` and ``ci_high`` of its 95 % interval,
+        degrees of freedom ``edf`` and ``stage``. They have no rows if the session has no rest, or
+        if AllanTools, an optional package, is not installed.
     """
     parts = [no_curves()]
     by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
@@ -141,10 +143,10 @@ def allan_curve(stretches, rate, settings):
 def averaging_factors(length, settings):
     """Return the averaging times of an Allan curve as numbers of samples, (k,) of int.
 
-    An averaging time is the sampling interval times such a factor. The factors ascend from 1 in
-    about equal steps of the logarithm. `length` is the number of samples of the longest stretch of
-    the record. `settings`, NoiseSettings, have the number of factors per decade, and the largest
-    factor as a share of `length`. The array is empty if the stretch is too short.
+    A factor is such a number: the averaging time over the sampling interval. The factors ascend
+    from 1 in about equal steps of the logarithm. `length` is the number of samples of the longest
+    stretch of the record. `settings`, NoiseSettings, have the number of factors per decade, and the
+    largest factor as a share of `length`. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -154,7 +156,7 @@ def averaging_factors(length, settings):
 
 
 def term_counts(factors, length):
-    """Return the number of overlapping terms of the Allan variance in a stretch.
+    """Return the number of overlapping terms of the Allan variance in a stretch, its weight.
 
     A term is the difference of the means of two adjoining groups of m samples. `factors` are the
     numbers m, and `length` is the number of samples of the stretch. Both may be arrays, which are
@@ -224,7 +226,7 @@ def degrees_of_freedom(variance, factors, lengths):
     def of_stretch(exponent, m, length):
         """Return the degrees of freedom of the Allan variance of one stretch.
 
-        `exponent` is the type of noise (`EXPONENTS`), `m` the averaging time in samples, and
+        `exponent` is the type of noise, one of `EXPONENTS`, `m` the averaging time in samples, and
         `length` the number of samples of the stretch.
         """
         # for flicker at m = 1 the simple formula of AllanTools 2024.6 lacks a square
@@ -246,8 +248,9 @@ def noise_exponents(variance, factors):
     """Return the type of noise at each averaging time, as an exponent of the spectrum, (k,) of int.
 
     The power spectrum of the noise is proportional to the frequency to the power of the exponent,
-    one of `EXPONENTS`. The exponent follows from the slope of the Allan deviation on logarithmic
-    scales. The slope is measured between averaging times that are `REACH` times shorter and longer.
+    one of `EXPONENTS`: 2 for quantisation, 0 for white noise, -1 for flicker and -2 for random
+    walk. The exponent follows from the slope of the Allan deviation on logarithmic scales. The
+    slope is measured between averaging times that are `REACH` times shorter and longer.
 
     `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples. All
     exponents are 0, for white noise, if there are fewer than two points or if any variance is not

@@ -16,10 +16,10 @@ ROUNDING = 1e-13
 
 
 def weighted_nnls(units, target, weight):
-    """Return the x, (p,), without negative elements, that minimises ``Σ w (y - U x)²``.
+    """Return the x, (p,), of weighted non-negative least squares: it minimises ``Σ w (y - U x)²``.
 
     `units` is the matrix U, (r, p), whose columns may be of any size. `target` is y, (r,), and
-    `weight` is w, (r,). The sum is over the r rows.
+    `weight` is w, (r,). The sum is over the r rows. No element of x is negative.
     """
     root = np.sqrt(weight)
     columns, size = _normalised(units * root[:, None])
@@ -133,7 +133,7 @@ class Likelihood:
         start : ndarray, shape (p,), optional
             Variances of the terms near the maximum, from which the fit begins.
         close : float
-            The fit ends when the log-likelihood grows by less than this.
+            The fit ends when the log-likelihood grows by less than this in a round.
 
         References
         ----------
@@ -149,7 +149,7 @@ class Likelihood:
             return np.maximum(units @ theta + fixed, floor)
 
         def values(expected):
-            """Return the plain and the restricted log-likelihood for expected squares, (r,)."""
+            """Return the plain and the restricted log-likelihood for mean squares, `expected`."""
             value = -(self.count @ (np.log(expected) + power / expected)) / 2
             # the second result of `ramp` is the information about the ramp, Σ w rho²/s
             lost = weight * np.log(self.ramp(expected)[1]) / 2 if ramp is None else 0.0

@@ -130,7 +130,7 @@ def strongest_peak(signals, spectrum, level):
 
 
 def _chance_anywhere(periodograms, chance):
-    """Return the probability that noise has a peak of one height at any frequency of any signal.
+    """Return the probability that noise has a peak of a given height anywhere in any signal.
 
     `chance` is the probability of such a peak at a single frequency, and `periodograms` is a dict
     of the Periodograms of all signals.

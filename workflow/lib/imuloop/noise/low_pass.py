@@ -96,7 +96,7 @@ def _fit_corner(selection, kind, near):
 
 
 def _score(selection):
-    """Return the log-likelihood of a Selection, less `PRICE` for each parameter, a float.
+    """Return the log-likelihood of a Selection, `selection`, less `PRICE` for each parameter.
 
     By this score a Selection with a filter is compared with one without. The parameters are those
     of the supported terms and of the low-pass filter, if there is one.
@@ -145,7 +145,7 @@ def likeliest_corner(filtered, terms):
     """
 
     def behind(corner):
-        """Return `filtered` with another corner of its filter, a share of the sampling rate."""
+        """Return `filtered` with its filter at another `corner`, a share of the sampling rate."""
         return replace(filtered, low_pass=replace(filtered.low_pass, corner=corner))
 
     near = filtered.low_pass.corner

@@ -143,8 +143,9 @@ def summary(stretches, rate):
     -------
     dict of str to float or None
         ``mean`` and ``std`` are the mean and the standard deviation of the samples. ``std_10s`` and
-        ``std_100s`` are the standard deviations of means over consecutive 10 s and 100 s. The
-        figures of a standard deviation are None if there are fewer than two samples or means.
+        ``std_100s`` are the standard deviations of the means over consecutive intervals of 10 s and
+        of 100 s. The figures of a standard deviation are None if there are fewer than two samples
+        or means.
     """
     x = np.concatenate(stretches)
     values = {"std": x}

@@ -87,8 +87,9 @@ class Periodogram:
     def of(cls, signal, spectrum):
         """Return the Periodogram of a Signal, or None if no sinusoid can be sought in it.
 
-        That is so if the signal is too short, has large gaps (`Signal.is_sparse`) or never changes.
-        `spectrum` is the one-sided density of its noise, SI^2/Hz, as a function of frequency in Hz.
+        `signal` is the Signal. The result is None if it is too short, has large gaps
+        (`Signal.is_sparse`) or never changes. `spectrum` is the one-sided density of its noise,
+        SI^2/Hz, as a function of frequency in Hz.
         """
         n = int(signal.lengths.sum())
         # frequencies in units of rate/n, the distance of independent ones

@@ -18,8 +18,8 @@ class Signal:
     """A signal: the clean stretches of one power cycle, on the grid of its sampling times.
 
     A clean stretch is a range of samples at rest, without a gap or a disturbance. Gaps keep their
-    place in time. A level is the mean of the output between two disturbances: a disturbance may
-    have moved the device, so the output has another mean after it.
+    place in time. A level is the time between two disturbances. A disturbance may have moved the
+    device, so each level has its own mean of the output.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Signal:
     def centred(self, x):
         """Return an array minus its mean over each level, (n,).
 
-        The array `x`, (n,), has a value for each of the n samples. A level is the samples between
+        The array `x`, (n,), has a value for each of the n samples. A level has the samples between
         two disturbances.
         """
         ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))

@@ -72,10 +72,10 @@ def expected_error(f):
 def attitudes(force, rests):
     """Return the mean specific force in each of k attitudes, m/s², (k, 3).
 
-    Consecutive rests whose directions of specific force differ by at most `SAME_ATTITUDE` have one
-    attitude. An attitude is an orientation of the device relative to gravity. `force`, (3, n), is
-    the specific force at each of n samples, m/s². `rests`, (m, 2), are the half-open ranges of
-    samples of the m rests, in which the device does not move.
+    An attitude is an orientation of the device relative to gravity. Consecutive rests have one
+    attitude if their directions of specific force differ by at most `SAME_ATTITUDE`, rad. `force`,
+    (3, n), is the specific force at each of n samples, m/s². `rests`, (m, 2), are the half-open
+    ranges of samples of the m rests, in which the device does not move.
     """
     if not len(rests):
         return np.empty((0, 3))

@@ -102,9 +102,9 @@ def undisturbed_ranges(x, ranges, step, settings):
     flicker, random walk and drift only increase the covariance of the scales on which they act.
 
     A second difference is a disturbance if its squared distance occurs in Gaussian noise with a
-    probability below `false_alarm` over the number of samples. All scales together have 1.3 second
-    differences per sample (Bonferroni, which holds for any correlation). Sensors at rest show
-    single samples that are off by 7 to 12 standard deviations (an ADIS16405 some fifty in a
+    probability below `false_alarm` divided by the number of samples. All scales together have 1.3
+    second differences per sample (Bonferroni, which holds for any correlation). Sensors at rest
+    show single samples that are off by 7 to 12 standard deviations (an ADIS16405 some fifty in a
     million). So sums of fewer than `LONE` samples need an amplitude `LONE_FACTOR` times as large.
 
     If several scales show a disturbance, the finest one determines the samples that are cut out. A

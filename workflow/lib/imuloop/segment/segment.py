@@ -310,7 +310,7 @@ def _detect(log, settings):
         Ranges of samples in which the variances of both sensors are near their levels at rest and
         the angular rate is near a bias.
     steady : ndarray of int, shape (l, 2)
-        The same without the parts in which the device turns slowly or trembles.
+        The same rests without the parts in which the device turns slowly or trembles.
     bias : ndarray, shape (3,)
         Bias of the gyroscope: the median of the angular rate at rest, rad/s.
     short : int

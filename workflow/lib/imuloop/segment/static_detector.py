@@ -188,11 +188,11 @@ def long_enough(rests, shortest, step):
 def widen_rests(f, w, rests, stretches, step):
     """Return the rests, (m, 2), extended on both sides as far as the device is still.
 
-    The detector ends a rest half a window too early. So, outward from each end, means of both
-    sensors over `EDGE_S` seconds are compared with the mean of the rest. A mean agrees if the
-    squared difference, summed over the three axes and divided by the variance of such a mean, is
-    below the quantile of χ² that noise exceeds once in 100,000. The new end lies `EDGE_S` short of
-    the first mean that does not agree.
+    The static detector makes a rest too short by half a window at each end. So, outward from each
+    end, means of both sensors over `EDGE_S` seconds are compared with the mean of the rest. A mean
+    agrees if the squared difference, summed over the three axes and divided by the variance of such
+    a mean, is below the quantile of χ² that noise exceeds once in 100,000. The new end lies
+    `EDGE_S` short of the first mean that does not agree.
 
     Parameters
     ----------

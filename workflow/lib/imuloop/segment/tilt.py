@@ -126,10 +126,10 @@ def _changing_part(u):
 def without_tilts(f, w, rests, bias, step):
     """Return m rests without the ends in which the device tilts, and the tilt of each rest.
 
-    Each rest is divided into parts of about `PART` seconds. It is cut to its longest
-    stretch of parts without a tilt, if that removes at most the share `CUT` of it; its tilt is then
-    0. Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but not
-    the norm. Its tilt is then the root mean square of the tilts in its parts.
+    Each rest is divided into parts of about `PART` seconds. It is cut to its longest stretch of
+    parts without a tilt, if that removes at most the share `CUT` of it; its tilt is then zero.
+    Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but not the
+    norm. Its tilt is then the root mean square of the tilts in its parts.
 
     Parameters
     ----------
@@ -177,9 +177,9 @@ def rest_tilts(f, w, rests, bias, step):
 
     The sum is over the blocks of the part, and σ is the standard deviation of the noise of y. If
     the device lies still, the logarithm exceeds log(1/p) with a probability below p, whatever the
-    gyroscope shows (Markov's inequality). A part tilts if it exceeds log(n / `FALSE_ALARM`), with n
-    parts in the session. Since an accelerometer may drift, the gyroscope also has to explain the
-    share `SHARE` of the square of y, without noise.
+    gyroscope shows (Markov's inequality). A part counts as tilting if the logarithm exceeds log(n /
+    `FALSE_ALARM`), with n parts in the session. Since an accelerometer may drift, the gyroscope
+    also has to explain the share `SHARE` of the square of y, without noise.
 
     If some parts of a session tilt, others are more likely to tilt as well. So the limit is then
     lowered to log((1 - q)/q), where q is the share of parts that tilt. The first parts of all rests

@@ -12,9 +12,10 @@ DECIDING = 1_000_000
 def sliding_statistics(x, n):
     """Return the mean and the variance in a window of `n` samples about each sample, both (m, …).
 
-    `x`, (m, …), has m samples in any unit, at least n of them. Within half a window of either end,
-    the first or the last whole window is used. The variance is the mean of x² less the square of
-    the mean of x; the median is subtracted from x first, so that rounding does not matter.
+    `x`, (m, …), has m samples in any unit, at least n of them; further axes are kept. Within half a
+    window of either end, the first or the last whole window is used. The variance is the mean of x²
+    less the square of the mean of x; the median is subtracted from x first, so that rounding does
+    not matter.
     """
     offset = np.median(x, axis=0)
     x = x - offset

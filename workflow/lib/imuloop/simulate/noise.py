@@ -5,7 +5,7 @@ from scipy.fft import irfft, next_fast_len
 
 
 def white(n, dt, N, rng):
-    """Return n samples of white noise, SI, (n,).
+    """Return `n` samples of white noise, SI, (n,).
 
     `dt` = Δt is the time between two samples, s, and `N` the coefficient, SI/√Hz. N² is the
     two-sided density, and the band ends at half the sampling rate, so the standard deviation of a
@@ -15,7 +15,7 @@ def white(n, dt, N, rng):
 
 
 def quantisation(n, dt, Q, rng):
-    """Return n samples of quantisation noise, SI, (n,).
+    """Return `n` samples of quantisation noise, SI, (n,).
 
     A sensor reads the integral of its input with white errors q of the standard deviation `Q`,
     SI·s. The noise is the error of the rate of this integral: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE
@@ -27,7 +27,7 @@ def quantisation(n, dt, Q, rng):
 
 
 def flicker(n, dt, B, rng):
-    """Return n samples of flicker noise, SI, (n,).
+    """Return `n` samples of flicker noise, SI, (n,).
 
     `dt` is the time between two samples, s, and `B` the coefficient, the bias instability, SI. The
     two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
@@ -52,7 +52,7 @@ def flicker(n, dt, B, rng):
 
 
 def walk(n, dt, K, rng):
-    """Return n samples of a random walk that starts near zero, SI, (n,).
+    """Return `n` samples of a random walk that starts near zero, SI, (n,).
 
     `dt` = Δt is the time between two samples, s, and `K` the coefficient, SI/√s: a step from sample
     to sample has the standard deviation K √Δt. `rng` is a numpy Generator, the source of random
@@ -62,7 +62,7 @@ def walk(n, dt, K, rng):
 
 
 def ramp(n, dt, R):
-    """Return n samples of a ramp ``R t`` that starts at zero, SI, (n,).
+    """Return `n` samples of a ramp ``R t`` that starts at zero, SI, (n,).
 
     `dt` is the time between two samples, s, and `R` is the slope, SI/s.
     """
@@ -70,7 +70,7 @@ def ramp(n, dt, R):
 
 
 def steps(n, dt, size, times):
-    """Return n samples of a bias with steps, jumps between two values, SI, (n,).
+    """Return `n` samples of a bias with steps, jumps between two values, SI, (n,).
 
     It jumps from zero to `size`, SI, at the first of the `times`, s, back to zero at the second,
     and so on. `dt` is the time between two samples, s.
@@ -83,7 +83,7 @@ PROCESSES = {"N": white, "Q": quantisation, "B": flicker, "K": walk}
 
 
 def axis_noise(n, dt, noise, axis, seed):
-    """Return n samples of the noise of one axis, the sum of all its processes, SI, (n,).
+    """Return `n` samples of the noise of one axis, the sum of all its processes, SI, (n,).
 
     `dt` is the time between two samples, s. `noise` is the `Noise` of the sensor, and `axis` the
     number of the axis, 0, 1 or 2. Each process draws its random numbers from its own child of

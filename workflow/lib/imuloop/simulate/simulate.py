@@ -114,8 +114,8 @@ def write_log(path, log, metadata):
 def log_metadata(truth, session):
     """Return the metadata of a simulated log, a dict.
 
-    They are the names of device and session, the kind of the session and the units of the sensors.
-    `truth` is the Truth of a device, and `session` the name of one of its sessions.
+    The metadata are the names of device and session, the kind of the session and the units of the
+    sensors. `truth` is the Truth of a device, and `session` the name of one of its sessions.
     """
     units = {
         "acceleration": truth.accelerometer.raw_unit,

@@ -42,7 +42,7 @@ class SensorTruth:
     """The truth of one sensor, ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
 
     x is the true specific force or angular rate on body axes, raw the logged value, and e the sum
-    of the effects.
+    of the effects. T is the matrix of the misalignments, K the scale factors and b the biases.
     """
 
     # unit that is logged: m/s^2, rad/s, count, …
@@ -88,7 +88,7 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Thermometer:
-    """Lag, noise and rounding of the logged temperature."""
+    """The thermometer of a simulated device: lag, noise and rounding of the logged temperature."""
 
     # time constant with which it follows the temperature of the device, s
     lag_s: float = 0.0
@@ -99,7 +99,7 @@ class Thermometer:
 
 @dataclass(frozen=True)
 class SessionTruth:
-    """The plan of one simulated session."""
+    """The plan of one simulated session: its kind, rests, moves, disturbances and temperature."""
 
     # 'static', 'six_position' or 'multi_position'
     kind: str
