@@ -1,8 +1,8 @@
 """The library of effects: all modules of the package are loaded, and their effects register.
 
-The docstring of an effect begins with the equation of e, which the effect adds to the output of a
-sensor on axis i. *Leaves* is the pattern in the residuals of a calibration without the effect.
-*Imitated by* are other effects that leave a similar pattern.
+The docstring of an effect begins with the equation of e, the error that the effect adds to the
+output of a sensor on axis i. *Leaves* is the trace in the residuals of a calibration without the
+effect. *Imitated by* are other effects that leave a similar trace.
 """
 
 from importlib import import_module

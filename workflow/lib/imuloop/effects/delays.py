@@ -12,8 +12,8 @@ LATEST = 0.1
 def own_change(channels, seconds):
     """Return the mean rate of change of the sensor's output over the next `seconds`, SI/s, (n, 3).
 
-    `channels` are the Channels of a whole log of n samples. If `seconds` is negative, the time
-    before each sample counts.
+    `channels` are the Channels of a whole log of n samples. If `seconds` is negative, the rate is
+    over this time before each sample.
     """
     return secant(channels.t, channels.output, seconds)
 
@@ -21,7 +21,8 @@ def own_change(channels, seconds):
 def other_slope(channels):
     """Return the rate of change of the other sensor's output, SI/s, (n, 3).
 
-    `channels` are the Channels of a whole log of n samples.
+    The other sensor of a gyroscope is the accelerometer, and vice versa. `channels` are the
+    Channels of a whole log of n samples.
     """
     return slope(channels.t, channels.other)
 
@@ -29,10 +30,12 @@ def other_slope(channels):
 class TimeOffset(Effect):
     """``e = y(t) - y(t - Δt)``: the output y of the sensor is early by Δt, or late by -Δt.
 
-    The offset is relative to the other sensor, whose time stamps are the clock. If the low-pass
-    filters of the sensors differ in delay, the effect is the same. Leaves: velocity at the end of a
-    move, ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn.
-    The angle from rest to rest does not change.
+    Early means that the output with the time stamp t is the quantity at t + Δt, by the clock of the
+    other sensor. A difference between the delays of the low-pass filters of both sensors has the
+    same effect.
+    Leaves this trace: after a move, the integrated velocity is wrong by ``Δt g`` for each radian
+    turned about the horizontal, 15 mm/s per ms for a quarter turn. The angle from rest to rest is
+    right.
     """
 
     name = "time_offset"
@@ -43,14 +46,18 @@ class TimeOffset(Effect):
     rate_of_change = True
 
     def clamped(self, design, low, high):
-        """Return `design`, the derivative, unchanged: a delay is valid for any rate of change."""
+        """Return the derivative `design` unchanged: a delay is valid for any rate of change.
+
+        So the ends `low` and `high` of its range in the data of the fit are not used.
+        """
         return design
 
     def design(self, channels, values=(0.0,)):
-        """Return D with ``e = D Δt``, SI/s, (n, 3, 1): the mean rate of change over the delay.
+        """Return the matrix D with ``e = D Δt``, SI/s, (n, 3, 1).
 
-        `values` has the delay Δt, s. At zero, D is the derivative of e with respect to Δt. The axes
-        of D are: n points of `channels`, axis of the sensor, parameter.
+        e is the error by the delay Δt, s, which is the only element of `values`. D is the mean rate
+        of change of the output over the delay; for Δt = 0 it is the derivative of e. The axes of D
+        are: n points of `channels`, axis of the sensor, parameter.
         """
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
@@ -60,10 +67,10 @@ class TimeOffset(Effect):
 class GyroAxisDelay(TimeOffset):
     """``e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0``: the output y of axis i is late by Δt_i.
 
-    The delays are relative to axis z. A delay that all three axes have in common is a
-    `time_offset`.
-    Leaves: errors of turns during which the axis of rotation changes, and velocity at the end of a
-    move.
+    Late means that the output with the time stamp t is the rate at t - Δt_i. The delays are
+    relative to axis z. A delay that all three axes have in common is a `time_offset`.
+    Leaves this trace: the angle is wrong after turns during which the axis of rotation changes, and
+    after a move the integrated velocity is wrong.
     """
 
     name = "gyro_axis_delay"
@@ -72,10 +79,11 @@ class GyroAxisDelay(TimeOffset):
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
 
     def design(self, channels, values=(0.0, 0.0)):
-        """Return D with ``e = D p`` for both delays p = (Δt_x, Δt_y), SI/s, (n, 3, 2).
+        """Return the matrix D with ``e = D p``, p = (Δt_x, Δt_y), SI/s, (n, 3, 2).
 
-        D is minus the mean rate of change of an axis over its delay. `values` has the delays, s.
-        The axes of D are: n points of `channels`, axis of the sensor, parameter.
+        e is the error by both delays p, s, which are the `values`. D is minus the mean rate of
+        change of an axis over its delay. The axes of D are: n points of `channels`, axis of the
+        sensor, delay.
         """
         design = np.zeros((len(channels.t), 3, 2))
         for axis, delay in enumerate(values):

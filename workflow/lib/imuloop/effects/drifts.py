@@ -19,7 +19,8 @@ POINTS = 3
 def settling(channels, tau):
     """Return ``exp(-t/τ)`` at the n samples of a log, (n,).
 
-    t is the time since the start of the log, s, and τ is the time constant `tau`, s.
+    t is the time since the start of the log, s, in the Channels `channels`, and τ is the time
+    constant `tau`, s.
     """
     return np.exp(-channels.t / tau)
 
@@ -30,9 +31,9 @@ class WarmUp(Effect):
 
     t is the time since the start of each log. If the power was on for the time t_on before the log,
     A_i has already decayed by the factor exp(-t_on/τ); t_on is taken as the same in all sessions.
-    Leaves: errors of the poses in the first minutes, and none later. Imitated by:
-    `bias_temperature`, if the thermometer shows the same warming; `bias_drift`, if τ is as long as
-    the log.
+    Leaves this trace: the means of poses are wrong in the first minutes, and right later. Imitated
+    by: `bias_temperature`, if the thermometer shows the same warming; `bias_drift`, if τ is as long
+    as the log.
     """
 
     tau: float = SETTLING[0]
@@ -45,10 +46,11 @@ class WarmUp(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: those whose time constant the data can show.
+        """Return the variants of the effect to try, a tuple: one for each visible time constant τ.
 
-        A time constant needs a record that is `SETTLINGS` times as long, and `POINTS` points at its
-        start. If there is none, the effect with the default is returned.
+        τ can be seen in a record, `channels`, that is `SETTLINGS` times as long as τ and has
+        `POINTS` points in its first 2 τ. If there is none, the tuple has the variant with the
+        default τ.
         """
         with_points = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
@@ -57,20 +59,20 @@ class WarmUp(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to A, ``exp(-t/τ)`` on each axis, (n, 3, 3).
 
-        At a pose it is the mean over the samples of the pose.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, and A has its parameters. At a pose the result is the
+        mean over the samples of the pose. Its axes are: n points of `channels`, axis of the sensor,
+        parameter.
         """
         return on_each_axis(channels.evaluate(settling, self.tau))
 
 
 class BiasDrift(Effect):
-    """``e_i = d_i t``: the bias drifts linearly from the start of each log.
+    """``e_i = d_i t``: the bias drifts linearly with the time t from the start of each log.
 
-    Leaves: an error of pose means that grows with time in every attitude. Imitated by:
-    `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random walk,
-    which the test allows for as part of the noise. In a static record it is called `ramp`.
+    Leaves this trace: an error of the means over poses grows with time in every attitude. Imitated
+    by: `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random
+    walk, which the test allows for as part of the noise. In a static record the effect is called
+    `ramp`.
     """
 
     name = "bias_drift"
@@ -81,8 +83,8 @@ class BiasDrift(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to d, the time t, s, on each axis, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, and d has its parameters. The axes of the result are:
+        n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(channels.t)
 
@@ -90,9 +92,10 @@ class BiasDrift(Effect):
 class Ramp(BiasDrift):
     """``e_i = d_i t``: the drift of the bias in a static record; at poses it is `bias_drift`.
 
-    Leaves: a mean that changes linearly. Imitated by: `bias_temperature`, if the temperature only
-    rises or falls; a long `warm_up`; and random walk, which the test allows for as part of the
-    noise.
+    t is the time since the start of the log.
+    Leaves this trace: the mean of the output changes linearly. Imitated by: `bias_temperature`, if
+    the temperature only rises or falls; a long `warm_up`; and random walk, which the test allows
+    for as part of the noise.
     """
 
     name = "ramp"

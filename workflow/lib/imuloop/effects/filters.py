@@ -24,8 +24,8 @@ def usual_step(t):
 def first_order_lag(t, values, tau):
     """Return the response y of a first-order lag, ``τ dy/dt = x - y``, in the shape of `values`.
 
-    x are the `values`, (n,) or (n, m), at the increasing times `t`, (n,), s. The time constant τ is
-    `tau`, s. y starts at the first value.
+    x are the `values`, (n,) or (n, m) for m signals, at the increasing times `t`, (n,), s. The time
+    constant τ is `tau`, s. y starts at the first value.
 
     The result is exact if x is linear between the samples, for steps of any length. Over a step of
     r time constants, d = y - x goes from d₀ to ``d₁ = a d₀ - g (x₁ - x₀)``, with a = exp(-r) and g
@@ -53,13 +53,13 @@ def first_order_lag(t, values, tau):
 def play(values, half_width):
     """Return the play operator p of n values x, (n,), a model of hysteresis.
 
-    p is a point that is dragged by two walls, which lie at the distance w, `half_width`, on either
-    side of x. From one sample to the next, ``p₁ = min(max(p₀, x - w), x + w)``. p starts at the
-    first value.
+    x are the `values`, (n,). p is a point that is dragged by two walls, which lie at the distance
+    w, `half_width`, on either side of x. From one sample to the next, ``p₁ = min(max(p₀, x - w), x
+    + w)``. p starts at the first value.
 
-    Two such clamps in a row are one clamp. So the values are cut into about √n stretches. For all
-    stretches at once, the clamps from the start of a stretch to each of its samples are combined.
-    Then the point is carried from stretch to stretch.
+    Two such clamps in a row are one clamp. So the values are cut into about √n stretches of
+    consecutive samples. For all stretches at once, the clamps from the start of a stretch to each
+    of its samples are combined. Then the point is carried from stretch to stretch.
 
     References
     ----------
@@ -84,11 +84,11 @@ def play(values, half_width):
 
 
 def fast_part(t, values, period):
-    """Return the fast changes of values, (n, m): the values minus their moving mean taken twice.
+    """Return the fast changes of values, (n, m): a high-pass filter removes their slow part.
 
-    `t`, (n,), are increasing times, s; `values`, (n, m), are m columns; `period` is the length of
-    the mean, s. This is a high-pass filter, whose gain at a frequency f is ``1 - sinc²(f period)``:
-    a half at 0.44/period, and one within 5 % above 1/period. A linear change is removed.
+    The slow part is the moving mean, taken twice, over `period`, s. `t`, (n,), are increasing
+    times, s, and `values`, (n, m), are m signals. The gain at a frequency f is ``1 - sinc²(f
+    period)``: a half at 0.44/period, and one within 5 % above 1/period. A linear change is removed.
     """
     # loaded late, as few effects need it
     from scipy.ndimage import uniform_filter1d
@@ -105,10 +105,10 @@ def fast_part(t, values, period):
 def slope(t, values):
     """Return the rate of change of values, per second, (n, m).
 
-    `values`, (n, m), are m columns at the times `t`, (n,), s. The rate is the derivative of the
-    parabola through each value and its neighbours. Its gain for a sine of frequency f and a time
-    step Δt is ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling rate. The rate is zero for a
-    single sample.
+    `values`, (n, m), are m signals at the times `t`, (n,), s. The rate is the derivative of the
+    parabola through each value and its two neighbours. For a sine of frequency f and a time step
+    Δt, the result is the true rate times ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling
+    rate. The rate is zero for a single sample.
     """
     return np.gradient(values, t, axis=0) if len(t) > 1 else np.zeros_like(values)
 
@@ -116,11 +116,12 @@ def slope(t, values):
 def secant(t, values, seconds):
     """Return the mean rate of change of values from each time t to t + `seconds`, (n, m).
 
-    It is per second. `values`, (n, m), are m columns at the increasing times `t`, (n,), s.
+    It is per second. `values`, (n, m), are m signals at the increasing times `t`, (n,), s.
     `seconds` may be negative. The values at t + `seconds` are interpolated by the cubic that has
-    the `slope` at both samples (Catmull and Rom). Midway between two samples they are wrong by 0.02
-    % for a sine of a twentieth of the sampling rate, and by 0.4 % for a tenth. The result is the
-    `slope` at t if `seconds` is zero, or if t + `seconds` lies in a gap or outside the log.
+    the `slope` at the samples on both sides (Catmull and Rom). Midway between two samples they are
+    wrong by 0.02 % for a sine of a twentieth of the sampling rate, and by 0.4 % for a tenth. The
+    result is the `slope` at t if `seconds` is zero, or if t + `seconds` lies in a gap or outside
+    the log.
     """
     change = slope(t, values)
     if len(t) < 2 or abs(seconds) < _INSTANT:
@@ -138,7 +139,7 @@ def secant(t, values, seconds):
 def moving_mean(t, values, width):
     """Return the mean of values over the `width` seconds before each time, (n, m).
 
-    `values`, (n, m), are m columns at the times `t`, (n,), s. Near the start of the log the mean is
+    `values`, (n, m), are m signals at the times `t`, (n,), s. Near the start of the log the mean is
     over the samples since the start.
     """
     # a sum over samples is the difference of two sums since the start

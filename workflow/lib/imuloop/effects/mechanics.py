@@ -13,10 +13,10 @@ CREEPS = (3.0, 10.0, 30.0)
 
 
 def creep(channels, tau):
-    """Return ``y_lag - y`` at the n samples of a log, SI, (n, 3).
+    """Return ``y_lag - y`` at the n samples of a log, SI, (n, 3), for a creep of the output.
 
-    y is the output of the sensor, and y_lag is the response of a first-order lag to it. `tau` is
-    the time constant of the lag, s.
+    y is the output of the sensor in the Channels `channels`, and y_lag is the response of a
+    first-order lag to y. `tau` is the time constant of the lag, s.
     """
     return first_order_lag(channels.t, channels.output, tau) - channels.output
 
@@ -25,11 +25,12 @@ def creep(channels, tau):
 class Reorientation(Effect):
     """``e_i = k_i (y_i,lag - y_i)``: the share k_i of the load creeps, with time constant τ, s.
 
-    y is the output. y_lag follows it by ``τ dy_lag/dt = y - y_lag`` and equals it at the start of
-    the log. After a turn changes the load of axis i, the output is at first too small by k_i times
-    this change; the error decays with exp(-t/τ).
-    Leaves: a trend within each pose, and a mean that depends on the pose before. Imitated by: no
-    other effect; a support that gives way looks the same.
+    The load is the specific force on axis i, which a turn of the device changes. y is the output.
+    y_lag follows y by ``τ dy_lag/dt = y - y_lag`` and equals y at the start of the log. After a
+    turn changes the load of axis i, the output is at first too small by k_i times this change; the
+    error decays with exp(-t/τ), where t is the time since the turn.
+    Leaves this trace: the output has a trend within each pose, and its mean depends on the pose
+    before. Imitated by: no other effect; a support that gives way looks the same.
     """
 
     tau: float = 10.0
@@ -42,14 +43,19 @@ class Reorientation(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: one for each time constant in `CREEPS`."""
+        """Return the variants of the effect to try, a tuple: one for each time constant of
+        `CREEPS`.
+
+        The `channels` of the data do not matter.
+        """
         return tuple(cls(tau) for tau in CREEPS)
 
     def design(self, channels):
         """Return the derivative of e with respect to k, ``y_lag - y`` on each axis, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, which also has the parameters k, the output y and its
+        lagged response y_lag. The axes of the result are: n points of `channels`, axis of the
+        sensor, parameter.
         """
         return on_each_axis(channels.evaluate_memory(creep, self.tau))
 
@@ -63,9 +69,10 @@ WINDOW = 1.0
 def vibration(channels):
     """Return the mean square of the vibration of each axis at the n samples of a log, SI², (n, 3).
 
-    The mean squares over the `WINDOW` before a sample and over the `WINDOW` after it are computed,
-    and the smaller one is the result. Near either end of a rest one of these windows lies in the
-    rest, so that the shaking of the next move does not count.
+    Vibration is the fast change of the output in the Channels `channels`. Its mean square is
+    computed over the `WINDOW` before a sample and over the `WINDOW` after it, and the smaller one
+    is the result. Near either end of a rest one of these windows lies in the rest, so that the
+    shaking of the next move does not count.
     """
     t, squares = channels.t, []
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
@@ -84,11 +91,11 @@ def vibration(channels):
 class VibrationRectification(Effect):
     """``e_i = v_i σ_i²``: vibration of mean square σ_i² on the same axis shifts its bias.
 
-    If a quadratic nonlinearity K2 follows the vibration, it has the same effect with v = K2. Its
-    response to slow changes, as in a turn, is the `quadratic` effect. σ² includes the noise of the
-    sensor, whose constant part is a bias.
-    Leaves: means that depend on the variance within the pose, or steps of bias in a static record
-    while a motor runs. Imitated by: a support that tilts while it vibrates.
+    v_i are the parameters. A quadratic nonlinearity K2 of a sensor that follows the vibration has
+    the same effect, with v = K2; its response to slow changes, as in a turn, is the `quadratic`
+    effect. σ² includes the noise of the sensor, whose constant part is a bias.
+    Leaves this trace: the mean over a pose depends on the variance within the pose, or the bias in
+    a static record jumps while a motor runs. Imitated by: a support that tilts while it vibrates.
     """
 
     name = "vibration_rectification"
@@ -103,7 +110,8 @@ class VibrationRectification(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to v, σ² on each axis, SI², (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, v are its parameters, and σ² is the mean square of
+        the vibration. The axes of the result are: n points of `channels`, axis of the sensor,
+        parameter.
         """
         return on_each_axis(channels.evaluate_memory(vibration))

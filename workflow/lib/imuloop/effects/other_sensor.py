@@ -15,7 +15,7 @@ class GSensitivity(Effect):
     """``e = G f``: the gyroscope's bias follows the specific force in every attitude.
 
     f is the specific force. G_ij is the rate that axis i shows for 1 m/s^2 along axis j.
-    Leaves: mean rates of poses that are linear in the direction of f. Imitated by: the
+    Leaves this trace: the mean rate of a pose is linear in the direction of f. Imitated by: the
     `earth_rate`, if G is a multiple of the unit matrix.
     """
 
@@ -27,11 +27,9 @@ class GSensitivity(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to G, row by row, m/s^2, (n, 3, 9).
 
-        The derivative with respect to row i of G is the specific force f on axis i, and zero on the
-        others.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, ``e = G f``. The derivative of e_i with respect to
+        row i of G is the specific force f, and zero with respect to the other rows. The axes of the
+        result are: n points of `channels`, axis of the sensor, element of G.
         """
         return row_by_row(channels.other)
 
@@ -42,8 +40,8 @@ class G2Sensitivity(Effect):
     f is the specific force. Each axis i has five terms: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²),
     D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. A sixth, |f|², is the same in all attitudes at
     rest, and so a bias.
-    Leaves: a pattern of degree 2 in the direction of f, in the mean rates of poses; `g_sensitivity`
-    leaves one of degree 1. Imitated by: nothing else of degree 2.
+    Leaves this trace: the mean rate of a pose is a polynomial of degree 2 in the direction of f (by
+    `g_sensitivity`, of degree 1). Imitated by: nothing else of degree 2.
     """
 
     name = "g2_sensitivity"
@@ -54,10 +52,9 @@ class G2Sensitivity(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to D, axis by axis, (m/s^2)², (n, 3, 15).
 
-        The derivative with respect to the five parameters of axis i is the five products of
-        specific force on axis i, and zero on the others.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        e is the error of the class' equation, which also has the parameters D. The derivative of
+        e_i is five products of specific forces with respect to the five parameters of axis i, and
+        zero with respect to the others. The axes of the result are: n points of `channels`, axis of
         the sensor, parameter.
         """
         x, y, z = channels.other.T
@@ -67,12 +64,12 @@ class G2Sensitivity(Effect):
 class EarthRate(Effect):
     """``e = w_up u, u the direction of f``: the vertical part of the Earth's rate.
 
-    f is the specific force, and w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part of
-    the Earth's rate depends on the heading, which is not measured, and stays in the residual. While
-    the device accelerates, f is not vertical.
-    Leaves: a mean rate along the vertical in every attitude, 15 °/h at the pole, and an angle that
-    grows with the duration of a move. Imitated by: a `g_sensitivity` that is a multiple of the unit
-    matrix, exactly.
+    f is the specific force, so u points up at rest, and w_up is 7.292115e-5 rad/s · sin(latitude).
+    The horizontal part of the Earth's rate depends on the heading, which is not measured, and stays
+    in the residual. While the device accelerates, f is not vertical.
+    Leaves this trace: in every attitude the mean rate has a part along the vertical, 15 °/h at the
+    pole, and the angle of a move is wrong in proportion to its duration. Imitated by: a
+    `g_sensitivity` that is a multiple of the unit matrix, exactly.
     """
 
     name = "earth_rate"
@@ -84,10 +81,9 @@ class EarthRate(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to w_up, which is the direction u, (n, 3, 1).
 
-        It is zero in free fall.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, with the vertical rate w_up and the direction u of
+        the specific force. In free fall the result is zero. Its axes are: n points of `channels`,
+        axis of the sensor, the single parameter.
         """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
@@ -97,8 +93,8 @@ class RateSensitivity(Effect):
     """``e = M w``: the specific force depends on the angular rate w.
 
     M_ij is the specific force that axis i shows for a rate of 1 rad/s about axis j.
-    Leaves: velocity at the end of a move, M times the angle turned; nothing at rest. Imitated by:
-    `lever_arm`, in part, if all turns are equally fast.
+    Leaves this trace: after a move, the integrated velocity is wrong by M times the angle turned;
+    at rest there is no error. Imitated by: `lever_arm`, in part, if all turns are equally fast.
     """
 
     name = "rate_sensitivity"
@@ -111,11 +107,9 @@ class RateSensitivity(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to M, row by row, rad/s, (n, 3, 9).
 
-        The derivative with respect to row i of M is the angular rate w on axis i, and zero on the
-        others.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, ``e = M w``. The derivative of e_i with respect to
+        row i of M is the angular rate w, and zero with respect to the other rows. The axes of the
+        result are: n points of `channels`, axis of the sensor, element of M.
         """
         return row_by_row(channels.other)
 
@@ -124,11 +118,11 @@ class LeverArm(Effect):
     """``e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0``: axis i of the accelerometer is at r_i.
 
     w is the angular rate. The centre of rotation is not known, so an arm that all axes have in
-    common cannot be determined. The origin is therefore the place of the z axis, and r_x and r_y
-    are relative to it.
-    Leaves: velocity at the end of a move, which depends on the angle turned and on the square of
-    the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, in
-    part.
+    common cannot be determined. The origin is therefore the place of the z axis, and r_x and r_y,
+    m, are relative to it.
+    Leaves this trace: after a move, the integrated velocity is wrong by an amount that depends on
+    the angle turned and on the square of the rate: 1 cm at 5 rad/s gives 0.25 m/s². At rest there
+    is no error. Imitated by: `rate_sensitivity`, in part.
     """
 
     name = "lever_arm"
@@ -142,12 +136,11 @@ class LeverArm(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to r_x and r_y, rad²/s², (n, 3, 6).
 
-        For each sample there is a matrix A with ``dw/dt × r + w × (w × r) = A r``. The derivative
-        of e_x with respect to r_x is the first row of A, and that of e_y with respect to r_y the
-        second.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation; r_x and r_y are the places of the x and y axes of the
+        accelerometer. For each point there is a matrix A with ``dw/dt × r + w × (w × r) = A r``,
+        where w is the angular rate. The derivative of e_x with respect to r_x is the first row of
+        A, and the derivative of e_y with respect to r_y the second. The axes of the result are: n
+        points of `channels`, axis of the sensor, component of r_x, then of r_y.
         """
         w, change = channels.other, channels.evaluate_memory(other_slope)
         # w × (w × r) = w (w·r) - r (w·w)

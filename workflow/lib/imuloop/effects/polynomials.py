@@ -12,10 +12,10 @@ PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 class Quadratic(Effect):
     """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output y.
 
-    Leaves at rest, with the direction u of gravity and Legendre polynomials P:
+    Leaves this trace at rest, with gravity g, its direction u and Legendre polynomials P:
     ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, of which 60 % is a bias. Imitated by:
     `cross_coupling`, of which it is a special case, and `asymmetry`, if there are few poses. Under
-    vibration it is `vibration_rectification`.
+    vibration the same nonlinearity is called `vibration_rectification`.
     """
 
     name = "quadratic"
@@ -26,8 +26,8 @@ class Quadratic(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to K2, y² on each axis, SI², (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, K2 are its parameters, and y is the output. The axes
+        of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(channels.output**2)
 
@@ -35,9 +35,9 @@ class Quadratic(Effect):
 class Cubic(Effect):
     """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs y.
 
-    Leaves at rest, with the direction u of gravity and Legendre polynomials P:
-    ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, of which 77 % is a scale factor and
-    23 % a pattern of degree 4. Imitated by: the scale factor, in six positions completely.
+    Leaves this trace at rest, with gravity g, its direction u and Legendre polynomials P:
+    ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, of which 77 % is a scale factor and 23
+    % a polynomial of degree 4. Imitated by: the scale factor, in six positions completely.
     """
 
     name = "cubic"
@@ -48,8 +48,8 @@ class Cubic(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to K3, y³ on each axis, SI³, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, K3 are its parameters, and y is the output. The axes
+        of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(channels.output**3)
 
@@ -57,9 +57,10 @@ class Cubic(Effect):
 class Asymmetry(Effect):
     """``e_i = (Ka_i/2) abs(y_i)``: the scale factor of an axis differs with the sign of its output.
 
-    Leaves at rest, with the output y and the direction u of gravity: ``(Ka/2) g u_i |u_i|``, which
-    is a bias (3/4 P1) and odd patterns of degree 3 and more. Imitated by: `quadratic`, which lacks
-    only degree 5 and a kink at u_i = 0; more than 30 poses show them.
+    y is the output. Leaves this trace at rest, with gravity g and its direction u: ``(Ka/2) g u_i
+    |u_i|``, which is a bias (3/4 of the Legendre polynomial P1) and odd polynomials of degree 3 and
+    more. Imitated by: `quadratic`, which lacks only degree 5 and a kink at u_i = 0; more than 30
+    poses show them.
     """
 
     name = "asymmetry"
@@ -70,8 +71,8 @@ class Asymmetry(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to Ka, |y|/2 on each axis, SI, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, Ka are its parameters, and y is the output. The axes
+        of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(np.abs(channels.output) / 2)
 
@@ -79,13 +80,14 @@ class Asymmetry(Effect):
 class CrossCoupling(Effect):
     """``e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i``: products of the outputs of two axes.
 
-    y is the output. Apart from K2, the `quadratic`, there are 15 products of two outputs on an
-    axis. The norm of gravity at rest, in the direction u, shows 7 of them: y_i y_j on axis i and
-    y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A `quadratic` is
-    a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The norm does not tell
-    which product causes a pattern. So the correction is right along gravity, and wrong across
-    gravity by up to the residual.
-    Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`, `asymmetry`.
+    y is the output. Apart from y_i² on axis i, the `quadratic`, there are 15 products of two
+    outputs on an axis. The norm of gravity at rest, in the direction u, shows 7 of them: y_i y_j on
+    axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
+    `quadratic` is a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The norm
+    does not tell which product causes a trace. So the correction is right along gravity, and wrong
+    across gravity by up to the residual.
+    Leaves this trace: the norm of gravity has an error of degree 3 in the direction u. Imitated by:
+    `quadratic`, `asymmetry`.
     """
 
     name = "cross_coupling"
@@ -98,10 +100,9 @@ class CrossCoupling(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to the K_ij, then Kxyz, SI², (n, 3, 7).
 
-        A column has the product of two outputs that the parameter multiplies.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, which also has these 7 parameters. The derivative is
+        the product of two outputs that the parameter multiplies. The axes of the result are: n
+        points of `channels`, axis of the sensor, parameter.
         """
         y = channels.output
         columns = np.zeros((len(y), 3, 7))
@@ -114,8 +115,9 @@ class CrossCoupling(Effect):
 class ScaleNonlinearity(Effect):
     """``e_i = s2_i y_i² + s3_i y_i³``: the scale factor of an axis changes with the rate.
 
-    y is the output. Leaves: errors of turns that grow with their speed; the error by s2 keeps its
-    sign when the turn is reversed. Nothing at rest. Imitated by: the scale factor and, for s2,
+    y is the output, an angular rate.
+    Leaves this trace: the error of a turn grows with its speed; the error by s2 keeps its sign when
+    the turn is reversed. At rest there is no error. Imitated by: the scale factor and, for s2,
     `scale_asymmetry`, if all turns are about equally fast.
     """
 
@@ -128,8 +130,9 @@ class ScaleNonlinearity(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to s2, then s3: y² and y³, SI, (n, 3, 6).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, s2 and s3 are its parameters on each axis, and y is
+        the output. The axes of the result are: n points of `channels`, axis of the sensor,
+        parameter.
         """
         return on_each_axis(channels.output**2, channels.output**3)
 
@@ -137,11 +140,11 @@ class ScaleNonlinearity(Effect):
 class ScaleAsymmetry(Effect):
     """``e_i = sa_i abs(y_i)``: the scale factor of an axis differs between left and right turns.
 
-    y is the output. The standard defines the asymmetry as the difference of both sides, which is 2
-    sa.
-    Leaves: errors of turns that keep their sign when the turn is reversed; nothing at rest.
-    Imitated by: the scale factor, if each axis is turned one way only; s2 of `scale_nonlinearity`,
-    if all turns are equally fast.
+    y is the output. The standard (see `reference`) defines the asymmetry as the difference of both
+    sides, which is 2 sa.
+    Leaves this trace: the error of a turn keeps its sign when the turn is reversed; at rest there
+    is no error. Imitated by: the scale factor, if each axis is turned one way only; s2 of
+    `scale_nonlinearity`, if all turns are equally fast.
     """
 
     name = "scale_asymmetry"
@@ -153,8 +156,8 @@ class ScaleAsymmetry(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to sa, |y| on each axis, SI, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, sa are its parameters, and y is the output. The axes
+        of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(np.abs(channels.output))
 
@@ -162,8 +165,9 @@ class ScaleAsymmetry(Effect):
 class Anisoinertia(Effect):
     """``e_i = a_i w_j w_k``: rates about both other axes at once appear as a rate about axis i.
 
-    w is the angular rate, and j and k are the other axes. Leaves: errors of turns about directions
-    between the axes of the sensor; nothing at rest.
+    w is the angular rate, and j and k are the axes other than i.
+    Leaves this trace: turns about directions between the axes of the sensor have an error; at rest
+    there is none.
     """
 
     name = "anisoinertia"
@@ -176,8 +180,8 @@ class Anisoinertia(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to a, w_j w_k on axis i, SI², (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, a are its parameters, and w is the angular rate. The
+        axes of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(_product_of_others(channels.output))
 

@@ -26,11 +26,12 @@ _FACTOR = re.compile(r"(θ|[fw]_[xyz])([²³]?)")
 class Product(Effect):
     """``e_i = c_i Π_k x_k^p_k``: one product of powers, such as ``f_y² f_z``, on one axis i.
 
-    A factor x_k is the specific force f or the angular rate w along x, y or z, to the power p_k, or
-    the temperature θ less the reference, to the power one. The sum of the powers is at most three.
-    Leaves: a pattern that no effect with a known cause leaves. Imitated by: other products. At rest
-    an accelerometer shows only the component of e along gravity: f_y² f_z on axis x leaves the same
-    as f_x f_y f_z on axis y and as f_x f_y² on axis z.
+    c_i is the parameter. A factor x_k is the specific force f or the angular rate w along x, y or
+    z, to the power p_k, or the temperature θ less the reference, to the power one. The sum of the
+    powers is at most three.
+    Leaves a trace that no effect with a known cause leaves. Imitated by: other products. At rest an
+    accelerometer shows only the component of e along gravity: f_y² f_z on axis x leaves the same
+    trace as f_x f_y f_z on axis y and as f_x f_y² on axis z.
     """
 
     formula: str = "f_x² f_y"
@@ -62,7 +63,10 @@ class Product(Effect):
 
     @cached_property
     def factors(self):
-        """The factors, a tuple of texts, each repeated according to its power."""
+        """Factors of the product, a tuple of texts such as ``f_y``.
+
+        Each is repeated according to its power.
+        """
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is not a product, as f_y² f_z is")
@@ -86,10 +90,9 @@ class Product(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to c, SI, (n, 3, 1).
 
-        It is the product on the axis of the effect, and zero on the others.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, and c its single parameter. The derivative is the
+        product on the axis of the effect, and zero on both others. The axes of the result are: n
+        points of `channels`, axis of the sensor, parameter.
         """
         design = np.zeros((len(channels.t), 3, 1))
         values = np.ones(len(channels.t))
@@ -140,5 +143,5 @@ def products(sensor, letters, reference_temperature=None):
 
 
 def formula(factors):
-    """Return the formula of a product, such as ``f_y² f_z`` for the factors f_y, f_y and f_z."""
+    """Return the formula of a product: ``f_y² f_z`` for the `factors` f_y, f_y and f_z."""
     return " ".join(f + POWERS[factors.count(f)] for f in dict.fromkeys(factors))

@@ -9,7 +9,10 @@ from imuloop.model.effect import Effect
 
 
 def is_before(channels, time):
-    """Return 1 at the samples of a log that are before a time, s, and 0 at the others, (n,)."""
+    """Return 1 at the samples of a log that are before `time`, s, and 0 at all others, (n,).
+
+    `channels` are the Channels of the n samples.
+    """
     return (channels.t < time).astype(float)
 
 
@@ -17,10 +20,12 @@ def is_before(channels, time):
 class Steps(Effect):
     """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k; H is the unit step.
 
-    At poses only one step in the log of one session is tested, with ``e_i = h_i (H(t - t_1) - 1)``:
-    the bias b is then the bias after the step, which later logs have.
-    Leaves: means that jump. Imitated by: a device that was moved, which tilts an accelerometer;
-    random walk, which the test allows for as part of the noise.
+    h_ki is the height of jump k on axis i, and t the time since the start of the log. At poses only
+    one step in the log of one session is tested, with ``e_i = h_i (H(t - t_1) - 1)``: the bias b is
+    then the bias after the step, which later logs have.
+    Leaves this trace: the means over poses, or of a static record, jump. Imitated by: a device that
+    was moved, which tilts an accelerometer; random walk, which the test allows for as part of the
+    noise.
 
     Attributes
     ----------
@@ -53,38 +58,41 @@ class Steps(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return an empty tuple: the times come from a scan of the record instead."""
+        """Return an empty tuple: the times of steps come from a scan of the record instead.
+
+        So the `channels` are not used.
+        """
         return ()
 
     def design(self, channels):
         """Return the derivative of e with respect to h at n poses or samples, (n, 3, 3 k).
 
-        For step k it is ``H(t - t_k) - 1`` on each axis: -1 before the step and 0 after it. At a
-        pose it is the mean over the samples of the pose.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, with the k steps of heights h at the times t_k; H is
+        the unit step. For step k the derivative is ``H(t - t_k) - 1`` on each axis: -1 before the
+        step and 0 after it. At a pose it is the mean over the samples of the pose. The axes of the
+        result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(*(-channels.evaluate(is_before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the derivative of the mean output in n windows with respect to h, (n, 3, 3 k).
+        """Return the derivative of the mean output in n windows by the heights h, (n, 3, 3 k).
 
-        For step k it is, on each axis, the share of each window that lies after the step; it is
-        zero for a step of another session. `session` is the name of the session. `windows`, (n, 2),
-        has start and end of each window, s. The Channels are not used.
+        There are k steps, each with a height h for each axis. For a step the derivative is, on each
+        axis, the share of each window that lies after the step; it is zero for a step of another
+        session. `session` is the name of the session. `windows`, (n, 2), has start and end of each
+        window, s. The Channels `channels` are not used.
         """
         is_here = [name == session for name in self.sessions]
         return on_each_axis(*(share_after(windows, self.times, self.spans) * is_here).T)
 
 
 def share_after(windows, times, spans=0.0):
-    """Return the share of each of n windows that lies after each of k times, (n, k).
+    """Return the share of each of n windows that lies after each of k times, (n, k), from 0 to 1.
 
     If a time is known only within a span, the share is the mean over all times in the span; this
     holds for windows that lie in the span or outside it. `windows`, (n, 2), has start and end of
     each window, s; `times`, (k,), are in s; and `spans`, (k,), are the lengths of the spans about
-    the times, s.
+    the times, s, by default zero.
     """
     middle = windows.mean(axis=1, keepdims=True)
     # the share rises linearly; a sample is a window of length zero
@@ -93,7 +101,7 @@ def share_after(windows, times, spans=0.0):
 
 
 def joined(steps):
-    """Return one Steps with all jumps of several Steps, in order of session and time."""
+    """Return one Steps that has all jumps of several, `steps`, in order of session and time."""
     jumps = (jump for s in steps for jump in zip(s.sessions, s.times, s.spans, strict=True))
     sessions, times, spans = zip(*sorted(jumps), strict=True)
     return Steps(times=times, sessions=sessions, spans=spans)

@@ -19,14 +19,14 @@ CELSIUS = (-273.15, 1000.0)
 
 
 def _has_temperature(channels):
-    """Return whether Channels have a temperature at any point."""
+    """Return whether the Channels `channels` have a temperature at any point."""
     return channels.temperature is not None and bool(np.isfinite(channels.temperature).any())
 
 
 def temperature(channels):
-    """Return the temperature at n points of Channels, degC, (n,); missing ones are interpolated.
+    """Return the temperature at n points of Channels, degC, (n,); missing values are interpolated.
 
-    Raises an ImuloopError if no temperature was logged.
+    `channels` are the Channels. Raises an ImuloopError if no temperature was logged.
     """
     if not _has_temperature(channels):
         raise ImuloopError("an effect of temperature needs a temperature, and none was logged")
@@ -60,10 +60,10 @@ RELAXATIONS = 3
 def undo_lag(channels, lag):
     """Return the temperature without the lag of the thermometer, degC, (n,).
 
-    The thermometer reads θ; it has a first-order lag of `lag`, s. The result is ``θ_s = θ_l + (θ -
-    θ_l)/a``. Here a is `SMOOTHED`, and θ_l is the response to θ of a first-order lag of the time a
-    · lag. For changes slower than a · lag the result is ``θ + lag dθ/dt``, the inverse of the
-    thermometer's lag.
+    `channels` are the Channels of n samples. Their thermometer reads θ; it has a first-order lag of
+    `lag`, s. The result is ``θ_s = θ_l + (θ - θ_l)/a``. Here a is `SMOOTHED`, and θ_l is the
+    response to θ of a first-order lag of the time a · lag. For changes slower than a · lag the
+    result is ``θ + lag dθ/dt``, the inverse of the thermometer's lag.
     """
     warm = temperature(channels)
     smooth = first_order_lag(channels.t, warm, SMOOTHED * lag)
@@ -83,9 +83,9 @@ class BiasTemperature(Effect):
     The order is at most 3, as in thermal calibration of MEMS sensors. θ0 is the reference, degC. θ
     is the reading of the thermometer. If the thermometer has a first-order `lag`, s, θ is its
     reading without this lag.
-    Leaves: a bias that follows θ(t) on every axis, in every attitude, whether θ rises or falls.
-    Imitated by: a drift and a warm-up, if θ only rises or only falls (so they are tested after the
-    temperature); a hysteresis, if θ turns (a hysteresis differs between rise and fall).
+    Leaves this trace: the bias follows θ(t) on every axis, in every attitude, whether θ rises or
+    falls. Imitated by: a drift and a warm-up, if θ only rises or only falls (so they are tested
+    after the temperature); a hysteresis, if θ turns (a hysteresis differs between rise and fall).
     """
 
     order: int = 1
@@ -105,12 +105,15 @@ class BiasTemperature(Effect):
 
     @property
     def price(self):
-        """Amount by which a lag has to lower the logarithm of the p-value; 0 without a lag."""
+        """Least decrease of the logarithm of the p-value by a lag that is chosen; 0 without a lag.
+
+        A lag is one more constant, which fits the data better by chance.
+        """
         return PRICE_OF_A_LAG if self.lag else 0.0
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of order 1, then of the next.
+        """Units of the parameters by name: c1 on all axes, then c2, then c3, up to the order.
 
         ``output`` stands for the SI unit of the sensor.
         """
@@ -119,10 +122,12 @@ class BiasTemperature(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: those whose order and lag the data can determine.
+        """Return the variants of the effect to try, a tuple: orders and lags that the data can
+        show.
 
-        The order, at most 3, grows with the span of the temperature. Each order is tried without
-        lag, and with each lag that is shorter than the data.
+        `channels` are the Channels of the data. The order, 1 to 3, grows with the span of the
+        temperature. Each order is tried without lag, and with each lag that is shorter than the
+        data.
         """
         orders = 1 + min(2, int(span(channels) / SPAN_OF_AN_ORDER))
         reference = whole_degrees(channels)
@@ -136,20 +141,21 @@ class BiasTemperature(Effect):
     def design(self, channels):
         """Return the derivative of e with respect to c, powers of θ - θ0, K^k, (n, 3, 3 order).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, with the parameters c, the temperature θ and its
+        reference θ0. The axes of the result are: n points of `channels`, axis of the sensor,
+        parameter.
         """
         warm = channels.evaluate_memory(undo_lag, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
     def clamped(self, design, low, high):
-        """Return the derivative with θ - θ0 clamped to a range, (n, 3, 3 order).
+        """Return the derivative with the temperature θ - θ0 clamped to a range, (n, 3, 3 order).
 
-        `design`, (n, 3, 3 order), is the derivative. `low` and `high`, (3 order,), are the ends of
-        the ranges of its columns. Only the first three columns are clamped, which are θ - θ0 on
-        each axis. Higher powers are computed from the result, since an even power has no sign to
-        clamp by.
+        `design`, (n, 3, 3 order), is the derivative: n points, axis of the sensor, parameter. `low`
+        and `high`, (3 order,), are the ends of the ranges of its columns in the data of the fit.
+        Only the first three columns are clamped, which are θ - θ0 on each axis. Higher powers are
+        computed from the result, since an even power has no sign to clamp by.
         """
         warmer = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([warmer**k for k in range(1, self.order + 1)], axis=2)
@@ -159,9 +165,10 @@ class BiasTemperature(Effect):
 class ScaleTemperature(Effect):
     """``e_i = sT_i (θ - θ0) y_i``: the scale factor is linear in the temperature θ.
 
-    y is the output, θ0 the reference, degC. Leaves: an error that follows θ(t) on loaded axes only:
-    the vertical axis of an accelerometer at rest, the axis about which a gyroscope turns. Imitated
-    by: `bias_temperature`, if the attitude, or the turn, is always the same.
+    y is the output, θ0 the reference, degC.
+    Leaves this trace: an error follows θ(t) on loaded axes only: the vertical axis of an
+    accelerometer at rest, the axis about which a gyroscope turns. Imitated by: `bias_temperature`,
+    if the attitude, or the turn, is always the same.
     """
 
     reference_temperature: float = ROOM
@@ -177,13 +184,17 @@ class ScaleTemperature(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the one effect to try, a tuple: its reference is the mean temperature."""
+        """Return the one variant of the effect to try, a tuple.
+
+        Its reference is the mean temperature in the Channels `channels` of the data.
+        """
         return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
         """Return the derivative of e with respect to sT, (θ - θ0) y on each axis, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
+        e is the error of the class' equation, with the parameters sT, the temperature θ, its
+        reference θ0 and the output y. The axes of the result are: n points of `channels`, axis of
         the sensor, parameter.
         """
         warmer = temperature(channels) - self.reference_temperature
@@ -196,10 +207,10 @@ LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def lagged_rate(channels, tau):
-    """Return the lagged rate of the temperature at the n samples of a log, K/s, (n,).
+    """Return the lagged rate of change of the temperature at the n samples of a log, K/s, (n,).
 
-    It is ``(θ - θ_lag)/τ``. θ is the temperature, and θ_lag is the response to it of a first-order
-    lag with the time constant τ, `tau`, s.
+    It is ``(θ - θ_lag)/τ``. θ is the temperature in the Channels `channels`, and θ_lag is the
+    response to it of a first-order lag with the time constant τ, `tau`, s.
     """
     warm = temperature(channels)
     return (warm - first_order_lag(channels.t, warm, tau)) / tau
@@ -213,7 +224,7 @@ class BiasTemperatureRate(Effect):
     log. The sign of r may show the cause, if there is also a `bias_temperature` c1 (θ - θ0): a
     sensor that lags behind the thermometer has r = -c1 τ; a thermometer that lags behind the sensor
     gives r the sign of c1. A gradient across the housing may cause any r.
-    Leaves: biases that differ between heating and cooling, and agree when the temperature is
+    Leaves this trace: biases differ between heating and cooling, and agree when the temperature is
     constant. Imitated by: `thermal_hysteresis`, whose difference remains at a constant temperature.
     """
 
@@ -228,15 +239,20 @@ class BiasTemperatureRate(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: those whose lag is short enough for the data."""
+        """Return the variants of the effect to try, a tuple: one for each lag that is short enough.
+
+        `channels` are the Channels of the data. If they are too short for any lag, the tuple has
+        the variant with the default lag.
+        """
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
     def design(self, channels):
         """Return the derivative of e with respect to r, ``(θ - θ_lag)/τ``, K/s, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, with the parameters r, the temperature θ and its
+        lagged response θ_lag. The axes of the result are: n points of `channels`, axis of the
+        sensor, parameter.
         """
         return on_each_axis(channels.evaluate_memory(lagged_rate, self.tau))
 
@@ -249,8 +265,9 @@ SHARES = (0.05, 0.15, 0.4)
 def hysteresis_state(channels, half_width):
     """Return the state of a thermal hysteresis at the n samples of a log, (n,), from -1 to 1.
 
-    It is ``(θ - play θ)/w``: 1 in long heating, -1 in long cooling. θ is the temperature. play θ is
-    a point that is dragged by two walls at the distance w, `half_width`, K, on either side of θ.
+    It is ``(θ - play θ)/w``: 1 in long heating, -1 in long cooling. θ is the temperature in the
+    Channels `channels`. play θ is a point that is dragged by two walls at the distance w,
+    `half_width`, K, on either side of θ.
     """
     warm = temperature(channels)
     return (warm - play(warm, half_width)) / half_width
@@ -262,11 +279,11 @@ class ThermalHysteresis(Effect):
 
     play_w θ is a point that is dragged by two walls at the distance w, K, on either side of θ. So
     the factor (θ - play_w θ)/w is 0 at the start of the log, 1 in long heating and -1 in long
-    cooling. After θ turns, it changes its sign within 2 w; at a constant temperature it stays. The
-    biases in heating and in cooling differ by 2 h_i.
-    Leaves: two branches of the bias over the temperature. Imitated by: `bias_temperature_rate`, if
-    the temperature always changes at one speed; `bias_temperature` and `bias_drift`, if it never
-    turns.
+    cooling. After θ turns, the factor changes its sign within 2 w; at a constant temperature it
+    stays. The biases in heating and in cooling differ by 2 h_i.
+    Leaves this trace: the bias over the temperature has two branches. Imitated by:
+    `bias_temperature_rate`, if the temperature always changes at one speed; `bias_temperature` and
+    `bias_drift`, if it never turns.
     """
 
     half_width: float = 5.0
@@ -281,14 +298,17 @@ class ThermalHysteresis(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the effects to try, a tuple: half-widths are shares of the temperature's span."""
+        """Return the variants of the effect to try, a tuple with a few half-widths.
+
+        They are the `SHARES` of the span of the temperature in the Channels `channels`.
+        """
         widths = {max(round(share * span(channels), 2), 0.01) for share in SHARES}
         return tuple(cls(width) for width in sorted(widths))
 
     def design(self, channels):
         """Return the derivative of e with respect to h, ``(θ - play_w θ)/w``, (n, 3, 3).
 
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, which defines play_w θ and the parameters h. The axes
+        of the result are: n points of `channels`, axis of the sensor, parameter.
         """
         return on_each_axis(channels.evaluate_memory(hysteresis_state, self.half_width))

@@ -20,10 +20,10 @@ class TurnOnBias(Effect):
     """``e_i = s_ki in power cycle k, Σ_k s_ki = 0``: each power cycle has its own bias.
 
     A power cycle is a session; a gap that is longer than all recorded time of the session divides
-    it into two. The bias of the calibration is the mean over the power cycles. In a log of another
-    power cycle the effect is zero.
-    Leaves: pose means that change between power cycles only. Imitated by: other differences between
-    the power cycles, above all of the temperature.
+    it into two. The bias of the calibration is the mean over the power cycles, and s_ki is the
+    deviation from it on axis i. In a log of another power cycle the effect is zero.
+    Leaves this trace: the means over poses change between power cycles only. Imitated by: other
+    differences between the power cycles, above all of the temperature.
     """
 
     runs: int = 2  # number of power cycles, with its name in calibration.json
@@ -37,24 +37,26 @@ class TurnOnBias(Effect):
     def parameters(self):
         """Units of the parameters by name: all axes of the second power cycle, then of the next.
 
-        The bias of the first power cycle is minus their sum. ``output`` stands for the SI unit of
-        the sensor.
+        The deviation in the first power cycle is minus the sum of all others. ``output`` stands for
+        the SI unit of the sensor.
         """
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
     def variants(cls, channels):
-        """Return the one effect to try, a tuple: it has as many power cycles as the data."""
+        """Return the one variant of the effect to try, a tuple.
+
+        It has as many power cycles as the Channels `channels` of the data.
+        """
         return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):
         """Return the derivative of e with respect to s at n points, (n, 3, 3 (runs - 1)).
 
-        It is 1 in the power cycle of the parameter, -1 in the first power cycle, and 0 in the
-        others. It is 0 everywhere if the power cycle is not known.
-
-        e has the equation of the class. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e is the error of the class' equation, s are its parameters, and `runs` is the number of
+        power cycles. The derivative is 1 in the power cycle of the parameter, -1 in the first power
+        cycle, and 0 in all others. It is 0 everywhere if the power cycle is not known. The axes of
+        the result are: n points of `channels`, axis of the sensor, parameter.
         """
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
@@ -62,11 +64,12 @@ class TurnOnBias(Effect):
         return on_each_axis(*((channels.power_cycle == k) - first for k in range(1, self.runs)))
 
     def repeatability(self, values):
-        """Return the standard deviation of the bias over power cycles, (3,), and its interval.
+        """Return the standard deviation of the bias over power cycles, (3,), and its interval, (2,
+        3).
 
-        Both are in SI. The 95 % interval, (2, 3), has the lower and the upper end for each axis. It
-        follows from χ² with one degree of freedom less than there are power cycles. `values` are
-        the parameters by name, SI.
+        Both are in SI and for each axis of the sensor. The 95 % interval has a lower and an upper
+        end. It follows from χ² with one degree of freedom less than there are power cycles.
+        `values` are the parameters of the effect by name, SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
@@ -80,8 +83,9 @@ class TurnOnBias(Effect):
 def turn_on_std(calibration, sensor):
     """Return the standard deviation of each axis' bias between power cycles, SI, a tuple of three.
 
-    It follows from the effect `turn_on_bias` if `calibration`, a SensorCalibration, has it. If not,
-    it is the one of data sheets, `TURN_ON`. `sensor` is the name of the sensor.
+    It is estimated from the effect `turn_on_bias` if `calibration`, a SensorCalibration, has this
+    effect. If not, the value is the usual one in data sheets, `TURN_ON`. `sensor` is the name of
+    the sensor.
     """
     for fitted in calibration.effects:
         if isinstance(fitted.effect, TurnOnBias):

@@ -30,7 +30,7 @@ from imuloop.core.tables import text_cell, text_cells
 
 
 def apply_file(calibration, source, target, shift=0.0):
-    """Write the samples of a file with calibrated specific force and angular rate.
+    """Write a copy of a file of samples with calibrated specific force and angular rate.
 
     The values equal the result of `Calibration.apply`. Other columns of the file are kept.
 
@@ -48,9 +48,9 @@ def apply_file(calibration, source, target, shift=0.0):
     Returns
     -------
     dict
-        Number of samples at which an effect was clamped, by (sensor, effect), both names: there the
-        effect is outside the range of the data that it was fitted to. Effects that were never
-        clamped are left out.
+        Number of samples at which an effect was clamped, by (sensor, effect), both names. At these
+        samples the factor that the effect multiplies, such as the temperature, is outside its range
+        in the data of the fit. Effects that were never clamped are left out.
 
     Raises
     ------
@@ -96,7 +96,8 @@ def apply_file(calibration, source, target, shift=0.0):
 def _mark_calibrated(table):
     """Return an Arrow table for a CSV file, with a column that marks the samples as calibrated.
 
-    Missing temperatures become empty cells.
+    `table` is the Arrow table of the calibrated samples. A CSV file has no metadata, so the mark is
+    a column of ones. Missing temperatures become empty cells.
     """
     if TEMPERATURE in table.column_names:
         column = pa.array(table[TEMPERATURE].to_numpy(), from_pandas=True)
@@ -105,7 +106,7 @@ def _mark_calibrated(table):
 
 
 def _write_text(path, table):
-    """Write an Arrow table as a CSV file."""
+    """Write the Arrow table `table` as a CSV file at `path`, with the names of the columns on top."""
     # the header is written apart, as Arrow would put it in quotes
     with open(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(map(text_cell, table.column_names))

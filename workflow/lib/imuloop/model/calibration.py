@@ -45,9 +45,10 @@ OF_ONE_LOG = (
 
 
 def _digits(value, std):
-    """Return a value and its standard error as texts, both rounded to two digits of the error.
+    """Return a value and its standard error as two texts, both rounded at the same place.
 
-    If there is no error (`std` is zero or not-a-number), the value has six digits.
+    This place is the second significant digit of the error `std`. If there is no error (`std` is
+    zero or not-a-number), `value` has six significant digits and the text of the error is a dash.
     """
     if not std > 0:
         return f"{value:.6g}", "—"
@@ -74,7 +75,7 @@ class Calibration:
 
     @property
     def effects(self):
-        """The effects of both sensors with their parameters, the accelerometer's first, a tuple."""
+        """Effects of both sensors, a tuple of FittedEffect, the accelerometer's first."""
         return (*self.accelerometer.effects, *self.gyroscope.effects)
 
     @property
@@ -111,11 +112,13 @@ class Calibration:
         return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
-        """Return the limits of the calibration, a list of lines of text.
+        """Return the limits of the calibration that a user has to know, a list of lines of text.
 
-        The lines name sensors that are not fully calibrated, sensors with unexplained errors, and
-        effects that hold for the calibrated log only, such as a step. `sensors` are names of
-        sensors; without any, both count.
+        The lines name sensors that are not fully calibrated, sensors with errors that neither noise
+        nor a known effect explains, parameters that the data hardly improved or that are far from
+        their prior, and effects, such as a step, that hold for the calibrated log only. `sensors`
+        are the names of the sensors to report on, by default both. The list is empty if nothing
+        limits the calibration.
         """
         lines = []
         for name in sensors or SENSORS:
@@ -132,7 +135,8 @@ class Calibration:
     def refuse_nominal(self, where=None):
         """Raise an ImuloopError if no parameter of the calibration was measured.
 
-        The message says what to do. It names `where`, a path or a text, by default the device.
+        The message names `where`, a path or another text, by default the device, and says how to
+        apply a nominal calibration anyway.
         """
         if not self.measured:
             raise ImuloopError(
@@ -156,8 +160,8 @@ class Calibration:
         Returns
         -------
         DataFrame
-            A copy with calibrated specific force (m/s^2) and angular rate (rad/s), marked in its
-            `attrs`.
+            A copy with calibrated specific force (m/s^2) and angular rate (rad/s), marked as
+            calibrated in its `attrs`.
 
         Raises
         ------
@@ -232,7 +236,7 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
-        """Write the samples of a file with calibrated specific force and angular rate.
+        """Write a copy of a file of samples with calibrated specific force and angular rate.
 
         Parameters
         ----------
@@ -248,9 +252,9 @@ class Calibration:
         Returns
         -------
         dict
-            Number of samples at which an effect was clamped, by (sensor, effect), both names: there
-            the effect is outside the range of the data that it was fitted to. Effects that were
-            never clamped are left out.
+            Number of samples at which an effect was clamped, by (sensor, effect), both names. At
+            these samples the factor that the effect multiplies, such as the temperature, is outside
+            its range in the data of the fit. Effects that were never clamped are left out.
         """
         if not nominal:
             self.refuse_nominal()
@@ -259,9 +263,9 @@ class Calibration:
     def calibrated(self, f, w, t, temperature, clamped=(None, None)):
         """Return calibrated specific force, m/s^2, and angular rate, rad/s, (n, 3) each.
 
-        Effects of the accelerometer that depend on the angular rate use it without the gyroscope's
-        effects. Effects of the gyroscope use the calibrated specific force. Raises an ImuloopError
-        if a result is not finite although all inputs are.
+        Effects of the accelerometer that depend on the angular rate use it before the gyroscope's
+        effects are subtracted. Effects of the gyroscope use the calibrated specific force. Raises
+        an ImuloopError if a result is not finite although all inputs are.
 
         Parameters
         ----------
@@ -274,8 +278,9 @@ class Calibration:
         temperature : ndarray, shape (n,), or None
             Temperature, degC.
         clamped : pair of dict or None
-            For each sensor a dict, which gets a mask of n samples by name of the effect: those at
-            which the effect was clamped to the range of the data that it was fitted to.
+            For each sensor, accelerometer first, a dict to fill, or None. The dict gets, by name of
+            the effect, the mask, (n,), of the samples at which the effect was clamped to the range
+            of the data that it was fitted to.
         """
 
         def apply_sensor(sensor, values, other, clamped):
@@ -303,7 +308,7 @@ class Calibration:
         return f, w
 
     def to_json(self, path):
-        """Write the calibration as a JSON file.
+        """Write the calibration as a JSON file at `path`.
 
         Raises an ImuloopError for an impossible calibration, such as one with a singular
         misalignment.
@@ -317,7 +322,7 @@ class Calibration:
 
     @classmethod
     def from_json(cls, path):
-        """Return the calibration in a JSON file.
+        """Return the Calibration in the JSON file at `path`.
 
         Raises an ImuloopError if the file has another format, violates the schema, or holds an
         impossible calibration, such as one with a singular misalignment.
@@ -345,7 +350,10 @@ class Calibration:
         return calibration
 
     def _refuse_impossible(self, path):
-        """Raise an ImuloopError that names the file `path` if the calibration is impossible."""
+        """Raise an ImuloopError if a value of the calibration is impossible, such as a singular T.
+
+        The message names the file `path`.
+        """
         for sensor in SENSORS:
             if fault := sensor_fault(getattr(self, sensor), sensor):
                 raise ImuloopError(f"{path}: {sensor}: {fault}")

@@ -47,7 +47,8 @@ def _validator():
 def content_fault(content):
     """Return the first fault of the JSON content of a calibration, a line of text, or None.
 
-    `content` is a dict. A fault is a violation of the schema, or a number that is not finite.
+    `content` is the dict that was read from the file. A fault is a violation of the schema, or a
+    number that is not finite; the result is None if there is no fault.
     """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
@@ -63,7 +64,7 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return the first reason why a calibration of a sensor is impossible, or None.
+    """Return the first reason why the calibration of a sensor is impossible; None if there is none.
 
     Parameters
     ----------
@@ -82,10 +83,11 @@ def sensor_fault(calibration, sensor):
 
 
 def implausible_values(calibration, sensor):
-    """Return a text that names the scale factors and biases beyond all data sheets, or None.
+    """Return a text that names the scale factors and biases larger than in any data sheet, or None.
 
-    A calibration with such values is valid, but its log must be faulty. `calibration` is the
-    SensorCalibration, and `sensor` is the name of the sensor.
+    A calibration with such values is valid, but its log must be faulty, for instance in another
+    unit. The result is None if there are no such values. `calibration` is the SensorCalibration,
+    and `sensor` is the name of the sensor.
     """
     unit, values = calibration.raw_unit, []
     largest, si = _BIAS[sensor]
@@ -102,7 +104,8 @@ def implausible_values(calibration, sensor):
 def _base_faults(calibration, sensor):
     """Yield the faults of a sensor's raw unit, misalignment, scale factors and biases, texts.
 
-    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
+    A fault is a value that no sensor can have, or that contradicts the declared unit. `calibration`
+    is the SensorCalibration, and `sensor` is the name of the sensor.
     """
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
     try:
@@ -132,7 +135,7 @@ def _base_faults(calibration, sensor):
 
 
 def _effect_faults(calibration, sensor):
-    """Yield the faults of a sensor's effects, texts.
+    """Yield the faults of a sensor's effects, texts, such as an effect that occurs twice.
 
     `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
     """
@@ -150,7 +153,7 @@ def _effect_faults(calibration, sensor):
 
 
 def _covariance_faults(calibration, sensor):
-    """Yield the faults of the covariance of a sensor's parameters, texts.
+    """Yield the faults of the covariance of a sensor's parameters, texts, such as a wrong shape.
 
     `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
     """

@@ -40,7 +40,8 @@ class Channels:
         """Return Channels at m points that follow from these n points.
 
         `change` is a function that converts an array (n, …) to (m, …), for instance by choosing or
-        averaging points. The result has neither power cycles nor masks of clamped points.
+        averaging points. The result has no power cycles, and no dict of the points at which an
+        effect is clamped (both fields are None).
         """
 
         def history(function, *constants):
@@ -59,7 +60,8 @@ class Channels:
         """Return the values of a function of the whole log at the n points, (n, …).
 
         `function` takes the Channels of the whole log and the `constants`. It returns an array with
-        a row for each sample. The value at a pose is the mean over the samples of its rest.
+        a row for each sample. If the points are poses, the value at a pose is the mean over the
+        samples of its rest.
         """
         if self.history is not None:
             return self.history(function, *constants)
@@ -68,7 +70,9 @@ class Channels:
     def evaluate_memory(self, function, *constants):
         """Return the values at the n points, (n, …), of a function that needs more than one sample.
 
-        It is `evaluate`, but raises an ImuloopError for a single sample without its log.
+        Such a function depends on earlier or neighbouring samples, as a filter does. `function` and
+        `constants` are those of `evaluate`, which computes the values. Raises an ImuloopError for a
+        single sample without its log.
         """
         if self.history is None and len(self.t) == 1:
             raise ImuloopError(
@@ -141,7 +145,7 @@ class Effect:
 
     @property
     def kind(self):
-        """The class of the effect."""
+        """Class of the effect: variants with different constants are of one kind."""
         return type(self)
 
     @property
@@ -150,9 +154,10 @@ class Effect:
         return asdict(self)
 
     def in_session(self, channels, session, windows):
-        """Return the derivative D of the mean output in n windows of a session, SI, (n, 3, p).
+        """Return the mean derivative D of e over each of n windows of a session, SI, (n, 3, p).
 
-        D is the derivative with respect to the p parameters of the effect.
+        e is the error that the effect adds to the sensor's output. The axes of D are: window, axis
+        of the sensor, parameter of the effect.
 
         Parameters
         ----------
@@ -168,17 +173,18 @@ class Effect:
     def clamped(self, design, low, high):
         """Return the derivative D with its values clamped to a range for each parameter, (n, 3, p).
 
-        `design`, (n, 3, p), is D at n points for p parameters. `low` and `high`, (p,), are the ends
-        of the ranges that D has in the data that the effect was fitted to; beyond them the effect
-        is not known.
+        `design`, (n, 3, p), is D at n points for the 3 axes of the sensor and p parameters. `low`
+        and `high`, (p,), are the ends of the ranges that D has in the data that the effect was
+        fitted to; beyond them the effect is not known.
         """
         # zeros are kept: they are axes that do not depend on a parameter
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
-        """Return the effect with its time constant, or other constant in `FINE`, times `factor`.
+        """Return the effect with its time constant multiplied by `factor`, to refine this constant.
 
-        An effect without such a constant is returned unchanged.
+        The constant may also be another one of `FINE`, such as a half-width. An effect without such
+        a constant is returned unchanged.
         """
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
@@ -199,9 +205,9 @@ class Effect:
     def variants(cls, channels):
         """Return the variants of the effect to test in some data, a tuple.
 
-        `channels` are the inputs in these data. The variants differ in the values of the constants,
-        such as time constants that are short enough for the data. The tuple is empty for an effect
-        without an implemented derivative.
+        `channels` are the Channels of these data. The variants differ in the values of the
+        constants. A time constant, for instance, must be short enough for the data. The tuple is
+        empty for an effect without an implemented derivative.
         """
         return () if cls.design is Effect.design else (cls(),)
 
@@ -216,23 +222,24 @@ class Effect:
     def design(self, channels):
         """Return D, the derivative of e with respect to p parameters at n points, SI, (n, 3, p).
 
-        The effect adds e to the sensor's output. The second axis of D is the axis of the
-        sensor. If e is not linear in the parameters, D is the derivative at zero.
+        e is the error that the effect adds to the sensor's output. `channels` are the Channels at
+        the points. The second axis of D is the axis of the sensor. If e is not linear in the
+        parameters, D is the derivative where they are zero.
         """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D with ``e = D x`` at given parameters x, SI, (n, 3, p).
+        """Return the matrix D with ``e = D x`` at given parameters x, SI, (n, 3, p).
 
-        `values`, (p,), are the parameters x, and the effect adds e to the output at the n
-        points of the Channels. If e is linear in the parameters, D is its derivative and does not
-        depend on x.
+        e is the error that the effect adds to the sensor's output on 3 axes, at the n points of the
+        Channels `channels`. `values`, (p,), are the parameters x. If e is linear in x, D is its
+        derivative and does not depend on x.
         """
         return self.design(channels)
 
 
 def find_effect(name):
-    """Return the class of the effect with a name.
+    """Return the class of the effect with the name `name`.
 
     Raises an ImuloopError if the library has no effect of this name.
     """
@@ -244,11 +251,11 @@ def find_effect(name):
 
 
 def effect_design(effects, channels, values=()):
-    """Return the derivative of the sum of effects with respect to their p parameters, (n, 3, p).
+    """Return the derivative of the summed errors e of effects by their p parameters, (n, 3, p).
 
-    `effects` is a sequence of Effect. The derivative is taken at the n points of the Channels and
-    at the parameters `values`. There may be fewer than p values; the other parameters are then
-    zero.
+    `effects` is a sequence of Effect; e is the error that each adds to the sensor's output on 3
+    axes. The derivative is taken at the n points of the Channels `channels` and at the parameters
+    `values`. There may be fewer than p values; the other parameters are then zero.
     """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     x = np.pad(np.asarray(values, dtype=float), (0, ends[-1] - len(values)))
@@ -285,9 +292,9 @@ class FittedEffect:
         """Return e, which the effect adds to the sensor's output at n points, SI, (n, 3).
 
         It is the derivative D of e with respect to the p parameters, (n, 3, p), times the
-        parameters. D is clamped, parameter by parameter, to its range in the data that the effect
-        was fitted to. If `channels.clamped` is a dict, it gets a mask of the points at which D was
-        clamped, (n,), under the name of the effect.
+        parameters. For each parameter D is clamped to its range in the data that the effect was
+        fitted to. `channels` are the Channels at the points. If their field `clamped` is a dict, it
+        gets the mask, (n,), of the points at which D was clamped, under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:
@@ -301,11 +308,12 @@ class FittedEffect:
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return a copy with the range that each column of D has in some data.
+        """Return a copy that stores the range of each column of D in the data of a fit.
 
-        D is the derivative of e with respect to the parameters, a column for each. `output` clamps
-        it to these ranges, as the effect is not known beyond them. `channels` is a list of
-        Channels, the data. A parameter whose derivative is zero everywhere keeps its earlier range.
+        D is the derivative of the error e with respect to the parameters, a column for each.
+        `output` clamps D to these ranges, as the effect is not known beyond them. `channels` is a
+        list of Channels, the data. A parameter whose column is zero everywhere keeps its earlier
+        range.
         """
         designs = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
@@ -317,14 +325,14 @@ class FittedEffect:
         return replace(self, ranges=ranges)
 
     def to_dict(self):
-        """Return the entry of the effect in a JSON file, a dict."""
+        """Return the entry of the effect in a calibration's JSON file, a dict."""
         content = {"name": self.name, "constants": self.effect.constants}
         content |= {"parameters": self.values, "std": self.std}
         return content | ({"range": self.ranges} if self.ranges else {})
 
     @classmethod
     def from_dict(cls, content):
-        """Return the FittedEffect from its entry in a JSON file, a dict.
+        """Return the FittedEffect of `content`, the dict of its entry in a calibration's JSON file.
 
         Raises an ImuloopError if the library has no such effect, or if the entry does not fit it.
         """
@@ -348,10 +356,10 @@ class FittedEffect:
 
 
 def _check_constants(effect):
-    """Raise a TypeError or a ValueError for an impossible constant of an effect.
+    """Raise a TypeError or a ValueError if a constant of the Effect `effect` is impossible.
 
-    A TypeError is for another type than the default has, a ValueError for a value that is
-    infinite or beyond its bounds.
+    The TypeError is for a value of another type than the default value of the constant, the
+    ValueError for a value that is infinite or beyond its bounds.
     """
     for constant in fields(effect):
         value = getattr(effect, constant.name)

@@ -8,9 +8,10 @@ from imuloop.model.effect import Effect
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A class of the library of effects, together with the sensor that has the effect.
+    """A class of the library of effects, together with the name of the sensor that has the effect.
 
-    It has the name, the limit and the `is_formula` of the class.
+    It repeats three attributes of the class: the `name`, the `limit` (largest possible size of a
+    parameter) and `is_formula` (whether the effect is a product of outputs without a known cause).
     """
 
     cls: type
@@ -25,7 +26,8 @@ class EffectKind:
 class SensorEffect:
     """A variant of an effect, together with the name of the sensor that has it.
 
-    It also has the attributes of the effect that are listed below.
+    A variant is an effect with values of its constants. The attributes that are listed below are
+    those of the effect.
     """
 
     effect: Effect
@@ -46,5 +48,8 @@ class SensorEffect:
         return EffectKind(type(self.effect), self.sensor)
 
     def moved(self, factor):
-        """Return the SensorEffect with its time constant, or width, multiplied by `factor`."""
+        """Return the SensorEffect with its time constant, or half-width, multiplied by `factor`.
+
+        An effect without such a constant is unchanged.
+        """
         return replace(self, effect=self.effect.moved(factor))

@@ -43,23 +43,25 @@ class Prior:
     def of(self, sensor):
         """Return the mean, (p,), and the covariance, (p, p), of the p parameters of one sensor.
 
-        `sensor` is the name of the sensor.
+        These are the misalignment T, scale factors K and biases b of the sensor with the name
+        `sensor`.
         """
         return self.mean[BASE[sensor]], self.covariance[BASE[sensor], BASE[sensor]]
 
     def with_sensor(self, sensor, source, mean, covariance):
-        """Return the Prior with another mean, (p,), and another covariance, (p, p), of one sensor.
+        """Return the Prior with another mean and covariance of the p parameters of one sensor.
 
-        `sensor` is the name of the sensor, and `source` the file that the values come from.
+        `sensor` is the name of the sensor, `source` the file that the values come from, `mean`,
+        (p,), the mean and `covariance`, (p, p), the covariance.
         """
         prior = self.with_part(BASE[sensor], mean, covariance)
         return replace(prior, sources=self.sources | {sensor: source})
 
     def with_part(self, places, mean, covariance):
-        """Return the Prior with another mean, (p,), and covariance, (p, p), of p parameters.
+        """Return the Prior with another `mean`, (p,), and `covariance`, (p, p), of p parameters.
 
-        `places` is the slice of their indices in x. In the result these parameters are independent
-        of all others.
+        `places` is the slice of the indices in x of these parameters. In the result they are
+        independent of all others.
         """
         new_mean, new_covariance = self.mean.copy(), self.covariance.copy()
         new_mean[places] = mean
@@ -79,7 +81,7 @@ class Prior:
         return replace(self, covariance=self.covariance * np.outer(factor, factor))
 
     def rows(self):
-        """Return R, (21, 21), and z, (21,), with which a fit includes the prior.
+        """Return the matrix R, (21, 21), and z, (21,), with which a fit of x includes the prior.
 
         The fit adds ``|R x - z|²`` to its sum of squares. By the prior, the components of ``R x -
         z`` are independent, with mean zero and variance one, so ``Rᵀ R`` is the inverse of the
@@ -95,9 +97,10 @@ class Prior:
 def data_sheet(tolerances=None):
     """Return the Prior that follows from the tolerances of a data sheet.
 
-    `tolerances` has for each sensor a dict with the standard deviations of ``misalignment``,
-    ``scale_factor`` and ``bias``. A sensor without one gets the tolerances of a generic device. The
-    mean is a sensor without errors, and all parameters are independent.
+    `tolerances` is a dict by sensor of dicts with the standard deviations of ``misalignment``,
+    ``scale_factor`` and ``bias``, nominal SI. A sensor without an entry, or both sensors if it is
+    None, get the tolerances of a generic device. The mean is a sensor without errors, and all
+    parameters are independent.
     """
     declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []

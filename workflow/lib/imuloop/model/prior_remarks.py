@@ -18,10 +18,11 @@ CAUSES = {
 
 
 def remarks(sensor, calibration):
-    """Return remarks for the user on a SensorCalibration and its prior, a list of sentences.
+    """Return remarks for the user on a calibrated sensor and its prior, a list of sentences.
 
-    They name the parameters far from the prior, and then those that the data hardly improved. The
-    list may be empty. `sensor` is the name of the sensor.
+    They name the parameters that are improbably far from the prior, and then those that the data
+    hardly improved. The list is empty if there are none. `sensor` is the name of the sensor, and
+    `calibration` its SensorCalibration.
     """
     sentences = []
     if far := calibration.far_off:

@@ -14,8 +14,9 @@ from imuloop.model.state import BASE, ENTRIES, NAMES, State
 def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
     """Return the SensorCalibration, in raw units, of parameters that were fitted in nominal SI.
 
-    ``K_raw = K s`` and ``b_raw = b / s + offset``, where s is `unit.scale`, offset is
-    `unit.offset`, and nominal SI values are ``s (raw - offset)``. T does not depend on the unit.
+    The scale factors K become ``K_raw = K s`` and the biases b ``b_raw = b / s + offset``, where s
+    is `unit.scale`, offset is `unit.offset`, and nominal SI values are ``s (raw - offset)``. The
+    misalignment T does not depend on the unit.
 
     Parameters
     ----------
@@ -80,10 +81,11 @@ def prior_content(sensor, prior, unit):
 
 
 def in_nominal_si(sensor, calibration):
-    """Return the parameters of a SensorCalibration without its effects, in nominal SI, (p,).
+    """Return the parameters T, K and b of a sensor, converted to nominal SI, (p,).
 
-    They are the off-diagonal elements of T, then K and b; p is 9 for the accelerometer and 12 for
-    the gyroscope. `sensor` is the name of the sensor.
+    They are the off-diagonal elements of the misalignment T, then the scale factors K and the
+    biases b; p is 9 for the accelerometer and 12 for the gyroscope. `sensor` is the name of the
+    sensor, and `calibration` its SensorCalibration in raw units.
     """
     unit = calibration.raw_unit
     T = calibration.T[ENTRIES[sensor]]
@@ -91,11 +93,12 @@ def in_nominal_si(sensor, calibration):
 
 
 def state_of(calibration, effects=None):
-    """Return the State of a Calibration, its p parameters in nominal SI, and their covariance.
+    """Return the State of a Calibration, p parameters in nominal SI, and their covariance.
 
-    Parameters of different sensors have no covariance. Parameters that were not estimated have no
-    variance. `effects` is a sequence of SensorEffect, the effects of the calibration that the State
-    has; by default it has all.
+    The covariance between parameters of different sensors is zero, and so is the variance of a
+    parameter that was not estimated. `calibration` is the Calibration. `effects` is a sequence of
+    SensorEffect, the effects of the calibration that the State includes; by default it includes
+    all.
 
     Returns
     -------
@@ -131,9 +134,9 @@ def state_of(calibration, effects=None):
 def si_factor(names, unit):
     """Return the factors that convert errors of p parameters from raw units to nominal SI, (p,).
 
-    With the scale s of the RawUnit `unit`, they are 1/s for K, s for b, and 1 for T and for
-    parameters of effects. `names` are the names of the p parameters. The offset does not matter to
-    an error.
+    `names` are the names of the parameters, such as ``K0``, and `unit` is the RawUnit with the
+    scale s. The factor is 1/s for scale factors K, s for biases b, and 1 for the misalignment T and
+    for parameters of effects. The offset of the unit does not matter to an error.
     """
     factors = {"K": 1 / unit.scale, "b": unit.scale}
     return np.array([1.0 if "." in name else factors.get(name[0], 1.0) for name in names])

@@ -33,14 +33,15 @@ class Sensor:
 
     @property
     def gain(self):
-        """Derivative of the calibrated x with respect to the input y, (3, 3), without effects.
+        """Derivative of the calibrated x with respect to the nominal y, (3, 3), without effects.
 
-        It is ``T diag(K)``, with the misalignment T and the scale factors K.
+        It is ``T diag(K)``, with the misalignment T and the scale factors K. Its rows are axes of
+        the body, its columns axes of the sensor.
         """
         return self.T * self.K
 
     def output(self, y):
-        """Return ``K (y - b)``, SI, on the sensor's own axes, (..., 3).
+        """Return ``K (y - b)``, SI, on the sensor's own axes, (..., 3), without effects.
 
         `y`, (..., 3), are values in nominal SI. K are the scale factors and b the biases.
         """
@@ -57,8 +58,9 @@ class Sensor:
     def corrected(self, y, D):
         """Return ``K (y - b) - e``, SI, on the sensor's own axes, (..., 3).
 
-        `y`, (..., 3), are values in nominal SI. `D`, (..., 3, q), is the derivative of e with
-        respect to the q parameters of the effects.
+        `y`, (..., 3), are values in nominal SI, K the scale factors, b the biases, and e the sum of
+        the effects. `D`, (..., 3, q), is the derivative of e with respect to the q parameters of
+        the effects.
         """
         # a search has hundreds of effects of size zero, for which the product is not computed
         return self.output(y) - D @ self.p if self.p.any() else self.output(y)
@@ -66,7 +68,8 @@ class Sensor:
     def values(self, y, D):
         """Return the calibrated values ``x = T (K (y - b) - e)``, SI, on the body's axes, (..., 3).
 
-        `y`, (..., 3), are values in nominal SI. `D`, (..., 3, q), is the derivative of e with
+        `y`, (..., 3), are values in nominal SI, T is the misalignment, K are the scale factors, b
+        the biases, and e is the sum of the effects. `D`, (..., 3, q), is the derivative of e with
         respect to the q parameters of the effects.
         """
         return self.corrected(y, D) @ self.T.T
@@ -74,9 +77,10 @@ class Sensor:
     def jacobian(self, A, y, D):
         """Return the derivative of sums of ``A x`` with respect to the parameters of the sensor.
 
-        There are m sums, each over k samples, and A x has `a` components. With c = K (y - b) - e,
-        the value x = T c has these derivatives: c_j with respect to T_ij on axis i, T_ij (y - b)_j
-        with respect to K_j on axis i, and -T diag(K) with respect to b.
+        The residuals of a fit are such sums: m of them, each over k samples, and each with `a`
+        components. With c = K (y - b) - e, the value x = T c has these derivatives: c_j with
+        respect to T_ij on axis i, T_ij (y - b)_j with respect to K_j on axis i, and -T diag(K) with
+        respect to b.
 
         Parameters
         ----------
@@ -109,11 +113,12 @@ class Sensor:
         return np.concatenate([by_T, by_K, by_b, self.effect_jacobian(A, D)], axis=2)
 
     def effect_jacobian(self, A, D):
-        """Return the derivative of sums of ``A x`` with respect to p, (m, a, q).
+        """Return the derivative of sums of ``A x`` by the parameters p of the effects, (m, a, q).
 
-        p are the q parameters of the effects. There are m sums, each over k samples. `A`, (m, k, a,
-        3), is the matrix that multiplies the calibrated value x of each sample. `D`, (m, k, 3, q),
-        is the derivative of e with respect to p. As x = T (… - e), the result is the sum of -A T D.
+        There are q parameters, and m sums, each over k samples and each with `a` components. `A`,
+        (m, k, a, 3), is the matrix that multiplies the calibrated value x of each sample. `D`, (m,
+        k, 3, q), is the derivative of the effects' error e with respect to p. As x = T (… - e),
+        with the misalignment T, the result is the sum of -A T D.
         """
         m, k, a, _ = A.shape
         # samples and axes become one dimension: one product of matrices instead of one per sample

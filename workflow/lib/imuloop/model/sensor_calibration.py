@@ -24,7 +24,11 @@ FAR_OFF = 4.0
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """The calibration of one sensor, ``x = T (K (raw - b) - e)``, and how it was found."""
+    """The calibration of one sensor, ``x = T (K (raw - b) - e)``, and how it was found.
+
+    x are the calibrated values, T is the misalignment, K are the scale factors, b the biases, and e
+    is the sum of the effects.
+    """
 
     raw_unit: RawUnit  # of `raw` and b
     T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
@@ -61,16 +65,19 @@ class SensorCalibration:
 
     @property
     def unexplained(self):
-        """Whether the errors of the data exceed those that the noise and the effects explain."""
+        """Whether the residuals of the fit are larger than the noise and the effects explain."""
         return self.measured and self.verdict == "unexplained"
 
     @property
     def excess(self):
-        """Reduced χ² of the fit, but at least one; one if it is not known."""
+        """Reduced χ² of the fit, but at least one: a factor that enlarges the noise's variance.
+
+        It is one if the reduced χ² is not known.
+        """
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
-        """Return ``K (raw - b)``, SI, on the sensor's own axes, (…, 3).
+        """Return ``K (raw - b)``, SI, on the sensor's own axes, (…, 3), without effects.
 
         `values`, (…, 3), are in nominal SI; raw are the same in raw units. K are the scale factors
         and b the biases.
@@ -104,7 +111,11 @@ class SensorCalibration:
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
     def value(self, name):
-        """Return an element of T, K or b by its name, such as ``T01`` or ``b0``, raw units."""
+        """Return the value, in raw units, of the parameter `name`, an element of T, K or b.
+
+        T01, for instance, is an off-diagonal element of the misalignment T, K0 a scale factor and
+        b0 a bias.
+        """
         return float(getattr(self, name[0])[tuple(map(int, name[1:]))])
 
     def parameters(self, sensor):
@@ -152,8 +163,8 @@ class SensorCalibration:
     def far_off(self):
         """Parameters that are far from the prior, a dict of their distances by name.
 
-        A distance is the size of the parameter less the mean of the prior, in standard deviations
-        of the prior. Only those above `FAR_OFF` are in the dict.
+        A distance is the absolute difference between the parameter and its mean by the prior, in
+        standard deviations of the prior. Only distances above `FAR_OFF` are in the dict.
         """
         prior = self.prior or {"std": {}}
         sizes = {n: abs(self.value(n) - prior["mean"][n]) / s for n, s in prior["std"].items()}
@@ -177,7 +188,7 @@ class SensorCalibration:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the SensorCalibration from its entry in a JSON file, a dict.
+        """Return the SensorCalibration from `content`, the dict of its entry in a JSON file.
 
         Raises an ImuloopError if the matrix of the covariance is not square, or if an effect is not
         in the library.

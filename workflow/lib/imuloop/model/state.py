@@ -41,7 +41,10 @@ class State:
 
     @property
     def names(self):
-        """Names of all parameters, such as ``gyroscope.K0`` or ``gyroscope.g_sensitivity.G00``."""
+        """Names of all parameters, a tuple, such as ``gyroscope.K0``, a scale factor.
+
+        A parameter of an effect has the name of the effect, too: ``gyroscope.g_sensitivity.G00``.
+        """
         return tuple(f"{sensor}.{name}" for sensor, name, _ in parameters(self.effects))
 
     @property
@@ -52,7 +55,8 @@ class State:
     def places(self, sensor):
         """Return the indices in x of the p parameters of one sensor, (p,) of int.
 
-        `sensor` is the name of the sensor. The parameters of its effects come last.
+        `sensor` is the name of the sensor. The parameters T, K and b come first, those of its
+        effects last.
         """
         counts = [len(effect.parameters) for effect in self.effects]
         owners = np.repeat([effect.sensor == sensor for effect in self.effects], counts)
@@ -60,7 +64,7 @@ class State:
         return np.append(base, COUNT + np.flatnonzero(owners))
 
     def sensor(self, sensor):
-        """Return the equation of one sensor with these parameters, a Sensor.
+        """Return the equation of one sensor with the values in x, a Sensor.
 
         `sensor` is the name of the sensor.
         """
@@ -71,7 +75,7 @@ class State:
         return Sensor(entries, T=T, K=values[n : n + 3], b=values[n + 3 : n + 6], p=values[n + 6 :])
 
     def with_effects(self, effects):
-        """Return the State with more effects, whose parameters are zero.
+        """Return the State with further effects, whose parameters are zero.
 
         `effects` is a sequence of SensorEffect.
         """
@@ -80,7 +84,7 @@ class State:
 
 
 def parameters(effects=()):
-    """Return all parameters of a state, a list of (sensor, name, SI unit).
+    """Return all parameters that a State has, a list of (sensor, name, SI unit).
 
     The parameters of both sensors come first, then the parameters of the `effects`, a sequence of
     SensorEffect.
