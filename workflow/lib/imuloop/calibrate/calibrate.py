@@ -48,11 +48,12 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
     """Return the JointFit, the set-up of a fit of both sensors, and why a sensor cannot be fitted.
 
-    The state to start from is the result of a first fit, in which all residuals of a kind have the
-    standard deviation `START`. So the variance components are estimated near the solution even if
-    the solution is far from the prior. The start is the mean of the prior instead if the first fit
-    does not converge, or if the root mean square of its residuals is above `MISFIT` of these
-    standard deviations: the data then contradict each other.
+    The JointFit has the parameters from which its iterations start: the result of a first fit, in
+    which all residuals of a kind, such as rotations, have the same standard deviation, from
+    `START`. So the variances of the noise are estimated near the solution even if the solution is
+    far from the prior. The start is the mean of the prior instead if the first fit does not
+    converge, or if the root mean square of its residuals is above `MISFIT` of these standard
+    deviations: the data then contradict each other.
 
     Parameters
     ----------
@@ -113,10 +114,11 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
 def prior_rows(prior, turns, bias):
     """Return the prior of the 21 parameters x of a fit as k linear equations ``R x = z``.
 
-    R, (k, 21), and z, (k,), are scaled so that the components of ``R x - z`` are independent with
-    mean zero and variance one. The first equations are from the Prior `prior`, and the next from
-    the KnownTurns `turns`, unless it is None. `bias` is None or the gyroscope's bias and its
-    variance, nominal SI, (3,) each; it replaces the bias of the prior.
+    R, (k, 21), and z, (k,), are scaled so that, by the prior, the components of ``R x - z`` are
+    independent with mean zero and variance one. The first 21 equations are from the Prior `prior`,
+    and the next from `turns`, the KnownTurns (turns of a declared angle or rate), or None. `bias`
+    is None or the gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of
+    the prior.
     """
     if bias is not None:
         prior = prior.with_part(BIAS, mean=bias[0], covariance=np.diag(bias[1]))
@@ -141,7 +143,8 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
     units : dict of str to RawUnit
         Raw unit of each sensor, its scale and offset by the data sheet.
     settings : CalibrateSettings
-        Its `gyroscope_bias` says whether the bias of the gyroscope is its mean over the first rest.
+        Its `gyroscope_bias` is ``initial_rest`` if the bias of the gyroscope is not fitted, but is
+        the mean angular rate over the first rest.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
@@ -241,7 +244,8 @@ def calibrate_device(
     """Write two JSON files: the six-position and the multi-position calibration of a device.
 
     Turns by a known angle or at a known rate are part of the multi-position calibration. If the
-    multi-position sessions have no pose, it has the bias of the gyroscope in the static sessions.
+    multi-position sessions have no pose, this calibration has the bias of the gyroscope in the
+    static sessions.
 
     Parameters
     ----------

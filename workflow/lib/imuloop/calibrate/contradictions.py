@@ -48,7 +48,8 @@ UNEVEN = 2.0
 class Errors:
     """Errors that one calibration leaves in m poses or m rotations, with c components each.
 
-    The error of a pose is a share of gravity (c = 1), the error of a rotation is in rad (c = 2).
+    The error of a pose is relative to gravity (c = 1), the error of a rotation is in rad (c = 2).
+    They show which measurements contradict all others.
     """
 
     values: np.ndarray  # (m, c): errors
@@ -59,7 +60,11 @@ class Errors:
     spread: np.ndarray
 
     def sizes(self):
-        """Return the norm of each error, (m,), after a robust fit of the nine parameters to all."""
+        """Return the norm of each error, (m,), after a robust fit of nine parameters.
+
+        The fit to all errors is of the first nine parameters of the sensor, such as its scale
+        factors.
+        """
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
         return np.linalg.norm(self.values + self.design @ p, axis=1)
@@ -79,9 +84,9 @@ def fit_robustly(residuals, derivative, start):
 def inverse_root(jacobian):
     """Return a root R of the covariance of p parameters, ``R Rᵀ = (Jᵀ J)⁻¹``, (p, p).
 
-    J is the Jacobian of n residuals with variance one, (n, p). In directions of the parameters that
-    J does not determine R is large but finite, because singular values of J below the share
-    `UNSEEN` of the largest one are raised to this share.
+    J, `jacobian`, is the Jacobian of n residuals with variance one, (n, p). In directions of the
+    parameters that J does not determine R is large but finite: singular values of J below `UNSEEN`
+    times the largest one are raised to this value.
     """
     # columns of one length, so that the units of the parameters do not matter
     size = np.linalg.norm(jacobian, axis=0)
@@ -94,16 +99,16 @@ def inverse_root(jacobian):
 
 
 def fit_gravity_norm(f):
-    """Return the nine parameters of the accelerometer by the norm of gravity at n poses.
+    """Return the accelerometer's nine parameters that make the norm of gravity right at n poses.
 
     The fit is robust: a few poses with large errors hardly change it. A wide prior keeps parameters
     that the poses do not determine near the data sheet. `f` is the mean specific force at the
-    poses, in shares of gravity, (n, 3).
+    poses, in units of gravity, (n, 3).
 
     Returns
     -------
     ndarray, shape (9,)
-        Three elements of the misalignment T, the scale factors K, and the bias b in shares of
+        Three elements of the misalignment T, the scale factors K, and the bias b in units of
         gravity.
     ndarray, shape (9, 9)
         A root R of their covariance ``R Rᵀ``.
@@ -129,14 +134,15 @@ def fit_gravity_norm(f):
 
 
 def sensor_errors(sensor, recording):
-    """Return the Errors of the sensor with the name `sensor` in a Recording.
+    """Return the Errors of a sensor in a Recording: of its n poses or of its m rotations.
 
-    For the accelerometer they are the errors of the norm of gravity at the n poses, in shares of
-    gravity, after a fit of its nine parameters. For the gyroscope they are the errors of the m
-    rotations, rad, with the nominal misalignment T and scale factors K. A rotation carries the
-    direction of gravity from one pose to the next. Its error has two components, both across the
-    direction of gravity that the accelerometer measures at the next pose. The bias in a rotation is
-    taken as the mean angular rate at both poses, because the bias may drift.
+    `sensor` is the name of the sensor, and `recording` the Recording. For the accelerometer they
+    are the errors of the norm of gravity at the n poses, in units of gravity, after a fit of its
+    nine parameters. For the gyroscope they are the errors of the m rotations, rad, with the nominal
+    misalignment T and scale factors K. A rotation carries the direction of gravity from one pose to
+    the next. Its error has two components, both across the direction of gravity that the
+    accelerometer measures at the next pose. The bias in a rotation is taken as the mean angular
+    rate at both poses, because the bias may drift.
     """
     poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
     # in shares of gravity, as the accelerometer's scale may be far from the declared one
@@ -163,25 +169,28 @@ def sensor_errors(sensor, recording):
 
 
 def sensors_work(poses):
-    """Return whether all Poses, at least one, have a specific force and a finite angular rate."""
+    """Return whether both sensors have values at all poses: specific force not zero, rate finite.
+
+    `poses` are the Poses. The result is false if there are none.
+    """
     norm = np.linalg.norm(poses.f, axis=1)
     return len(norm) > 0 and bool(np.all(norm > 0) and np.isfinite(poses.w).all())
 
 
 def odd_turns(recording):
-    """Return which of the m rotations of a Recording contradict the others, and all their errors.
+    """Return which of the m rotations of a Recording contradict all others, and all their errors.
 
-    The first result is a mask, (m,). The second has the size of the error of each rotation, rad,
-    (m,), after a robust fit of the gyroscope to all rotations. A rotation contradicts the others if
-    its error is larger than each of these:
+    `recording` is the Recording. The first result is a mask, (m,). The second has the size of the
+    error of each rotation, rad, (m,), after a robust fit of the gyroscope to all rotations. A
+    rotation is odd, so that it contradicts all others, if its error is larger than each of these:
 
     - `TURN`;
     - `TIMES` the median of all errors;
     - `TIMES` the standard deviation that undersampling, missing samples, jitter and the uncertain
-      direction of gravity give this error.
+    direction of gravity give this error.
 
-    The mask is false everywhere if there are fewer than `FEWEST` rotations, or if more than the
-    share `SHARE` of them, and more than one, contradict the others.
+    The mask is false everywhere if there are fewer than `FEWEST` rotations, or if the number of odd
+    rotations is above one and above `SHARE` times m.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
@@ -201,9 +210,9 @@ def find_change(errors, fewest, least):
 
     For each k, the errors are divided in two parts: those before k, and those from k on. The
     parameters of the sensor are fitted to one part and predict the errors of the other part. The
-    sensor may have changed at k if at least the share `MOST` of the predictions contradict the
-    errors. Several k may qualify. Of those whose fit has residuals up to `UNEVEN` times the
-    smallest ones, the result is the k whose fit has the most errors.
+    sensor may have changed at k if at least the fraction `MOST` of the predictions contradict the
+    errors. Several k may qualify. The result is one of those whose fit has residuals of at most
+    `UNEVEN` times the smallest residuals of any: the k whose fit is to the most errors.
 
     Parameters
     ----------
@@ -212,7 +221,8 @@ def find_change(errors, fewest, least):
     fewest : int
         Fewest poses or rotations that determine the parameters.
     least : float
-        Size of an error, in the unit of `errors`, below which it contradicts no prediction.
+        Least difference of an error from its prediction, in the unit of `errors`, that can
+        contradict the prediction.
     """
     n, splits = len(errors.values), []
     # without enough large errors, no part can contradict the other
@@ -231,12 +241,13 @@ def find_change(errors, fewest, least):
 
 
 def _predict_others(errors, fitted, least):
-    """Return the standard deviation of a fit to some errors, and the share of others it misses.
+    """Return how well a fit to some errors predicts all others: two numbers.
 
-    The nine parameters of a sensor are fitted to the Errors that the mask `fitted`, (m,), chooses,
-    and predict the other errors. The first result is the standard deviation of the residuals of the
-    fit. The second is the share of the other errors that contradict the prediction: their
-    difference from it is larger than `least`, and larger than `TIMES` its own standard deviation.
+    The nine parameters of a sensor are fitted to the Errors `errors` that the mask `fitted`, (m,),
+    chooses, and predict the other errors. The first result is the standard deviation of the
+    residuals of the fit. The second is the fraction of the other errors that contradict the
+    prediction: their difference from the prediction is larger than `least`, and larger than `TIMES`
+    its own standard deviation.
     """
     jacobian, y = errors.design[fitted].reshape(-1, 9), errors.values[fitted].ravel()
     root = inverse_root(jacobian)
@@ -256,10 +267,12 @@ def _predict_others(errors, fitted, least):
 
 
 def change_of_sensor(sensor, recording):
-    """Return when a sensor changed during a Recording, s, and a sentence on the change, or None.
+    """Return the time, s, at which a sensor changed, and a sentence on the change, or None.
 
-    `sensor` is the name of the sensor. The result is None if it did not change, if the recording
-    has several sessions, or if it has too few poses (accelerometer) or rotations (gyroscope).
+    `sensor` is the name of the sensor, and `recording` the Recording. The sentence says which
+    measurements contradict each other. The result is None if the sensor did not change, if the
+    recording has several sessions, or if it has too few poses (accelerometer) or rotations
+    (gyroscope).
     """
     poses, (measurements, part) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
@@ -279,9 +292,10 @@ def change_of_sensor(sensor, recording):
 
 
 def why_changed(sensor, recording):
-    """Return a sentence on when a sensor changed during a Recording, and on the evidence.
+    """Return a sentence on when a sensor changed during a Recording, and on the evidence, or None.
 
-    `sensor` is the name of the sensor. The result is None if no change can be shown.
+    `sensor` is the name of the sensor, and `recording` the Recording. The result is None if no
+    change can be shown.
     """
     time_and_text = change_of_sensor(sensor, recording)
     return time_and_text and time_and_text[1]

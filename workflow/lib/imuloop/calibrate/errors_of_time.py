@@ -26,9 +26,9 @@ def errors_of_time(t, w, begin, last, bias, variance):
     The angular rate over a gap is interpolated. The error of the angle over a gap of n samples is
     measured where the samples are complete: n of them are left out and interpolated.
 
-    Jitter matters if the samples were taken at even steps. A time stamp that is late by e makes the
-    step before it longer by e and the step after it shorter by e. The angle is then wrong by e
-    times half the change of the rate over both steps.
+    Jitter of the time stamps matters if the samples were taken at even steps. A time stamp that is
+    late by e makes the step before it longer by e and the step after it shorter by e. The angle is
+    then wrong by e times half the change of the rate over both steps.
 
     Parameters
     ----------
@@ -71,9 +71,10 @@ def errors_of_time(t, w, begin, last, bias, variance):
 def _estimate_jitter(t, w, usual):
     """Return the standard deviation of the jitter of the time stamps of a log, s.
 
-    The result is zero in two cases: the jitter is below the share `LEAST_JITTER` of a step, or the
-    uneven time stamps are right, because the samples were taken at them. `t` are the time stamps,
-    s, (N,), `w` is the angular rate, rad/s, (N, 3), and `usual` the median step, s.
+    Jitter is the random error of a time stamp. The result is zero in two cases: the jitter is below
+    `LEAST_JITTER` times a step, or the uneven time stamps are right, because the samples were taken
+    at them. `t` are the time stamps, s, (N,), `w` is the angular rate, rad/s, (N, 3), and `usual`
+    the median step, s.
     """
     # `bend` is a time stamp less the mean of its neighbours, with 1.5 times the variance of one.
     # The median of |e| of a normal variable e is 0.6745 of its standard deviation
@@ -86,12 +87,13 @@ def _estimate_jitter(t, w, usual):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance, rad², of the angle over each time step due to samples lost in it.
+    """Return the covariance of the angle over each time step due to samples lost in it, rad².
 
-    The result has the shape (k - 1, 3, 3) for a rotation of k samples. It is zero for a step
-    without lost samples, and infinite if fewer than `FEWEST` windows of the rotation can measure
-    the error. `w` is the angular rate, rad/s, (k, 3), `lost` the number of samples lost in each
-    step, (k - 1,), and `usual` the median step of the log, s.
+    The result has the shape (k - 1, 3, 3) for a rotation of k samples: a matrix for each step, on
+    the axes of the body. It is zero for a step without lost samples, and infinite if the rotation
+    has fewer than `FEWEST` places without lost samples where the error can be measured. `w` is the
+    angular rate, rad/s, (k, 3), `lost` the number of samples lost in each step, (k - 1,), and
+    `usual` the median step of the log, s.
     """
     covariance = np.zeros((len(lost), 3, 3))
     for n in set(lost[lost > 0].tolist()):
@@ -100,13 +102,14 @@ def gap_covariance(w, lost, usual):
 
 
 def _interpolation_error(w, lost, n, usual):
-    """Return the mean square error of the angle over a gap of n samples, rad², (3, 3).
+    """Return the mean square error of the angle over a gap of `n` samples, rad², (3, 3).
 
-    The angle over a gap follows from the interpolated angular rate. Its error is measured in all
-    windows of a rotation in which no sample is missing: n samples are left out and interpolated.
-    The result is infinite if there are fewer than `FEWEST` windows. `w` is the angular rate of the
-    k samples of the rotation, rad/s, (k, 3), `lost` the number of samples lost in each step,
-    (k - 1,), and `usual` the median step of the log, s.
+    The result is a matrix on the axes of the body. The angle over a gap follows from the
+    interpolated angular rate. Its error is measured in windows of n + 3 steps of a rotation in
+    which no sample is missing: n samples are left out and interpolated. The result is infinite if
+    there are fewer than `FEWEST` such windows. `w` is the angular rate of the k samples of the
+    rotation, rad/s, (k, 3), `lost` the number of samples lost in each step, (k - 1,), and `usual`
+    the median step of the log, s.
     """
     # a window has n + 3 steps: the one before the gap, the n + 1 of the gap, and the one after it
     complete_steps = np.convolve(lost == 0, np.ones(n + 3), "valid")

@@ -37,11 +37,11 @@ def read_turns(sessions, force):
 def _measure_turn(log, turn, force):
     """Return the measured and the declared rotation of a turn, (7,), or None if it is not usable.
 
-    The result has the integral of the measured angular rate, rad, (3,), the duration, s, and the
-    declared rotation vector, rad, (3,). A turn with clipped samples or fewer than three samples is
-    not usable. The declared rotation is about the declared axis of the body. If this axis lies
-    within 20 degrees of gravity at the start of the turn, the turn was made on a level table. The
-    rotation is then about the direction of gravity, which the accelerometer measures.
+    The result has the integral of the measured angular rate, rad, (3 values), the duration, s, and
+    the declared rotation vector, rad, (3 values). A turn with clipped samples or fewer than three
+    samples is not usable. The declared rotation is about the declared axis of the body. If this
+    axis lies within 20 degrees of gravity at the start of the turn, the turn is taken to be made on
+    a level table, about the vertical that the accelerometer measures.
 
     `log` is the Log of the session. `turn` is a dict with the ``axis``, such as -z, with the
     ``angle``, deg, or the ``rate``, deg/s, and with ``start`` and ``end``, s, if it is only a part

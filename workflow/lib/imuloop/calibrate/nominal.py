@@ -51,10 +51,10 @@ def nominal_sensors(reasons, recording, noise, units, prior):
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
     """Return the SensorCalibration of a gyroscope whose bias alone is measured, at rest.
 
-    The bias is the mean over the poses, weighted by the inverse covariance of their noise. If the
-    variance ``s²/c`` of the mean over c power cycles is larger than the variance by the noise, the
-    bias is the mean over the power cycles, with this variance. s² is the sample variance of the
-    bias between power cycles.
+    The bias is the mean over the poses, weighted by the inverse covariance of their noise. This
+    mean has a variance by the noise. If the variance ``s²/c`` by the scatter between c power cycles
+    is larger, the bias is the mean over the power cycles instead, with this variance; s² is the
+    sample variance of their biases.
 
     The bias is not measured, and the result nominal, if there are no rests, if the noise of an axis
     is not known, or if the biases before and after the time `changed` differ by more than `SAME`

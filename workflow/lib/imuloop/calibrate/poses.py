@@ -23,7 +23,7 @@ UNEVEN = 0.1
 
 
 class Table:
-    """Base class of dataclasses whose fields are arrays with a row per pose or per rotation."""
+    """Base class of a table: a dataclass whose fields are arrays with a row per pose or rotation."""
 
     def __len__(self):
         return len(self.start_s)
@@ -70,9 +70,9 @@ class Poses(Table):
 
     @property
     def windows(self):
-        """Start and end, s, (n, 2), of a window about the middle of each pose.
+        """Window about the middle of each pose: its start and end, s, (n, 2).
 
-        It lasts as long as the device rested. This is shorter than the pose if the rest was
+        The window lasts as long as the device rested. This is shorter than the pose if the rest was
         interrupted.
         """
         half = self.duration_s / 2
@@ -84,7 +84,8 @@ class Poses(Table):
         The first axis is the channel, ax … gz; the others are the poses. The covariance of a
         channel is the one that the NoiseModel `noise` predicts, plus the variance by rounding and
         tilts, which is independent between poses. If the noise of the channel is not known, the
-        covariance is diagonal instead: sample variance within a pose over its number of samples.
+        covariance is diagonal instead: the sample variance within a pose over its number of
+        samples.
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):
@@ -94,11 +95,11 @@ class Poses(Table):
         return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return a text on why the noise of some channels is not known; None if it is known.
+        """Return a text on why the noise of some channels is not known; None if the noise is known.
 
         A fit weights the means over the poses by the inverse of their covariance. The noise of a
         channel counts as not known if the covariance by the NoiseModel `noise` is singular.
-        `channels` has the names of the channels.
+        `channels` has the names of the channels, such as ``ax``.
         """
         chosen = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[chosen])
@@ -116,9 +117,9 @@ class Poses(Table):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    `segments` has a table for each session, a DataFrame or a dict of arrays. A row of it is a
-    segment: a rest, a move or a gap. Rests of one power cycle that share a pose number are one
-    pose. Its means are means over the samples of all these rests.
+    `segments` has a table for each session, a DataFrame or a dict of arrays. A row of such a table
+    is a segment: a rest, a move or a gap. Rests of one power cycle that share a pose number are one
+    pose. The means of a pose are over the samples of all its rests.
     """
     # the rests that are part of a pose: others have the number -1
     chosen = [(np.asarray(t["kind"]) == STATIC) & (np.asarray(t["pose"]) >= 0) for t in segments]

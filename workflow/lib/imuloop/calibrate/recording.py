@@ -46,10 +46,11 @@ class Log:
 
     @classmethod
     def of(cls, samples, rails=None):
-        """Return the Log of samples, a DataFrame or a dict of arrays by the name of the column.
+        """Return the Log of the samples of a session.
 
-        `rails` has the ends of the range of each channel by name, (low, high), SI. An end is None
-        if no sample reaches it. Without `rails` no sample counts as clipped.
+        `samples` is a DataFrame or a dict of arrays by the name of the column. `rails` has the ends
+        of the range of each channel by name, (low, high), SI. An end is None if no sample reaches
+        it. Without `rails` no sample counts as clipped.
         """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
@@ -62,9 +63,10 @@ class Log:
     def channels(self, sensor, output=identity, align_other=identity):
         """Return the LoggedChannels on which an effect of a sensor depends, at all N samples.
 
-        `sensor` is the name of the sensor. `output` converts its values from nominal SI, (N, 3), to
-        the output ``K (raw - b)``, SI. `align_other` converts the values of the other sensor from
-        nominal SI to calibrated SI. By default neither is converted.
+        `sensor` is the name of the sensor. `output` is a function that converts its values from
+        nominal SI, (N, 3), to the output ``K (raw - b)``, SI. `align_other` is a function that
+        converts the values of the other sensor from nominal SI to calibrated SI. By default neither
+        is converted.
         """
         own_name, other_name = OWN[sensor]
         return LoggedChannels(
@@ -92,7 +94,7 @@ class Recording:
 
     @cached_property
     def means(self):
-        """Covariances of the mean noise over the poses and parts of the rotations, ChannelMeans."""
+        """Covariances of the means of the noise over poses and parts of rotations, ChannelMeans."""
         return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):
@@ -185,8 +187,8 @@ class Recording:
         """Return the calibrated specific force, m/s^2, at the n poses and along the m rotations.
 
         The results have the shapes (n, 3) and (m, k, 3), with k samples per rotation. `calibration`
-        is the SensorCalibration of the accelerometer. Its effects are subtracted. Those that depend
-        on the angular rate take this rate in nominal SI.
+        is the SensorCalibration of the accelerometer, with its effects. Effects that depend on the
+        angular rate take this rate in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
         at_poses = self.pose_channels("accelerometer", calibration.output, poses.w)
@@ -237,8 +239,8 @@ class Recording:
             Convert values of the sensor from nominal SI to ``K (raw - b)``, and values of the other
             sensor from nominal to calibrated SI.
         gather : callable
-            Takes a dict by session of arrays (N, …), the values at the N samples of the log, and
-            returns the values at the points of the Channels.
+            Function that picks the points: from a dict by session of arrays (N, …), the values at
+            the N samples of the log, it returns the values at the points of the Channels.
         """
 
         @cache
@@ -254,10 +256,10 @@ class Recording:
 
 
 def pose_means(poses, logs, logged):
-    """Return the mean of logged values over the samples of each of n poses, (n, ...).
+    """Return the mean of a logged quantity over the samples of each of n poses, (n, ...).
 
-    `logged` has for each session an array (N, ...), a value for each of the N samples of its log.
-    `poses` are the Poses, and `logs` has the Log of each session.
+    `logged` has for each session an array (N, ...), a value of the quantity for each of the N
+    samples of its log. `poses` are the Poses, and `logs` has the Log of each session.
     """
     means = []
     for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
@@ -270,7 +272,7 @@ def record(samples, segments, longest_rotation, rails=None):
     """Return the Recording of several sessions: their poses, and the rotations between them.
 
     The poses have temperatures only if every session logs a temperature. Rotations that contradict
-    the others (`odd_turns`) are left out.
+    all others (`odd_turns`) are left out.
 
     Parameters
     ----------

@@ -31,17 +31,19 @@ class SetUp:
     variance: np.ndarray  # (n,): variance of each residual as estimated, SI units squared
 
     def of_windows(self, values):
-        """Return for each of the n residuals the value of its window, (n,).
+        """Return for each of the n residuals a value of its window, (n,).
 
-        `values` is a function that takes the Windows of a sensor and returns a value per window.
+        `values` is a function that takes the Windows of a sensor and returns a value for each
+        window.
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
     def errors(self, folds, without=()):
         """Return the held-out errors of the n residuals in a cross-validation, (n,), SI.
 
-        The error of a residual is its value if the shared parameters are fitted without its fold.
-        The parameters of the sessions are fitted to all residuals. The model is linear about x.
+        The held-out error of a residual is its value with shared parameters that are fitted to all
+        residuals but those of its fold. The shared parameters are the same for all sessions; the
+        other parameters x are fitted to all residuals. The residuals are taken as linear in x.
 
         Parameters
         ----------
@@ -70,10 +72,10 @@ class SetUp:
 
 
 def fit_set_up(windows, noise):
-    """Return the SetUp of the reference that fits the windows of all sensors best.
+    """Return the SetUp that fits the windows of all sensors best.
 
     `windows` is a tuple of Windows, one for each sensor, and `noise` the NoiseModel of the device.
-    The function sets the attribute `shared` of the Windows.
+    The function sets the attribute `shared` of the Windows: the indices of their shared parameters.
     """
     prior = np.tile(SESSION_STD, len(windows[0].logs))
     for w in windows:
@@ -87,11 +89,12 @@ def fit_set_up(windows, noise):
 
 
 def _fit_round(windows, noise, prior, start):
-    """Return the SetUp of a fit whose variances and Jacobian are those at the parameters `start`.
+    """Return the SetUp of one round of the fit; the rounds repeat it with better weights.
 
-    `windows` is a tuple of Windows and `noise` a NoiseModel. `prior` are the prior standard
-    deviations of the parameters, SI, (p,), and `start` are parameters, SI, (p,). The Jacobian is
-    constant in the fit, because it changes little.
+    The variances of the residuals and their Jacobian are computed at the p parameters `start`, SI,
+    (p,), which are the result of the round before. The Jacobian is constant in the fit, because it
+    changes little. `windows` is a tuple of Windows, `noise` is a NoiseModel, and `prior` are the
+    prior standard deviations of the parameters, SI, (p,).
     """
     floor, residuals = [w.floor(start, noise) for w in windows], [w.values(start) for w in windows]
     variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
@@ -116,10 +119,10 @@ def _fit_round(windows, noise, prior, start):
 
 
 def _estimate_variance(values, floor):
-    """Return the variance of each of the three residuals of m windows, (m,).
+    """Return the variance of a residual in each of m windows, (m,), for the weights of a fit.
 
     `values` are the residuals, (m, 3). The result is the variance by the noise, `floor`, (m,), plus
-    a variance that all windows share. The shared variance follows from the median of the sum of
+    a variance that all windows share. This shared variance follows from the median of the sum of
     squares of a window, because the median of χ² with three degrees of freedom is 2.366. Windows
     above three standard deviations get a larger variance, as by Huber's weights, so that their
     influence is limited.

@@ -38,7 +38,7 @@ SESSION_STD = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
 
 @dataclass(frozen=True)
 class ReferenceLog:
-    """A session of N samples with a reference."""
+    """The log of a session, N samples, with a reference: both sensors, attitude and place."""
 
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
@@ -83,11 +83,11 @@ def read_reference(sessions, calibration):
 
 
 class Windows:
-    """The m windows of all logs in which one sensor is compared with the reference.
+    """The m windows of the logs, short parts in which one sensor is compared with the reference.
 
     Each sensor has a subclass, which computes the residuals. The set-up has the parameters x, (p,):
     first the parameters of each session, then the parameters that all sessions share. All windows
-    are padded to k samples by repeating the last one.
+    are padded to k samples by repeating the last sample.
 
     Parameters
     ----------
@@ -115,12 +115,16 @@ class Windows:
         Prior standard deviations of the shared parameters, SI.
     places : ndarray of int, shape (s, q)
         Indices in x of the q parameters of each session for this sensor: bias, mounting, and for
-        the accelerometer the tilt of the world. `SESSION_STD` has the parameters of a session for
-        both sensors; `session_entries` are the indices of this sensor's parameters in it.
+        the accelerometer the tilt of the reference's world. `SESSION_STD` has the parameters of a
+        session for both sensors; `session_entries` are the indices of this sensor's parameters in
+        it.
     """
 
     def __init__(self, logs, gravity, calibration):
-        """Find the windows and set the attributes, but for `shared`, which `fit_set_up` sets."""
+        """Find the windows and set the attributes, but for `shared`, which `fit_set_up` sets.
+
+        The arguments `logs`, `gravity` and `calibration` are described in the class.
+        """
         self.logs, self.gravity = logs, gravity
         by_session = (self._find_windows(session, log) for session, log in enumerate(logs))
         rows = [np.zeros((0, 4), int), *by_session]
@@ -141,11 +145,12 @@ class Windows:
         self.places = len(SESSION_STD) * np.arange(len(logs))[:, None] + self.session_entries
 
     def _find_windows(self, session, log):
-        """Return the n windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
+        """Return the windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
 
-        The columns are `session`, the index of the log, and the indices of the first, middle and
-        last sample of a window. A window lasts twice `self.half` seconds. The reference is known at
-        these three samples; for the accelerometer its attitude is known at all samples.
+        `log` is the ReferenceLog and `session` its index. The four columns of the result are this
+        index and the indices of the first, middle and last sample of each of n windows. A window
+        lasts twice `self.half` seconds. The reference is known at these three samples; for the
+        accelerometer its attitude is known at all samples.
         """
         step, lost = np.median(np.diff(log.t)), ~np.isfinite(log.attitude[:, 0, 0])
         valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
@@ -167,23 +172,25 @@ class Windows:
         return np.array(windows, int).reshape(-1, 4)
 
     def read_logs(self, values, rows):
-        """Return values of the logs at one or c samples of each of m windows, (m, …) or (m, c, …).
+        """Return values of the logs at chosen samples of each of m windows, (m, …) or (m, c, …).
 
-        `values` is the name of a field of the logs, or a list with an array (N, …) for each log.
-        `rows`, (m,) or (m, c), has the indices of the samples in the log of the window.
+        `values` is the name of a field of the logs, or a list with an array (N, …) for each log of
+        N samples. `rows`, (m,) or (m, c), has the indices of the samples in the log of the window,
+        one or c for each window.
         """
         if isinstance(values, str):
             values = [getattr(log, values) for log in self.logs]
         return np.array([values[s][i] for s, i in zip(self.session, rows, strict=True)])
 
     def output(self, x, drift=0.0):
-        """Return the sensor's output ``(1 + A) (y - b)`` at the samples of the windows, (m, k, 3).
+        """Return the sensor's output ``(1 + A) (y - b)`` at the k samples of m windows, (m, k, 3).
 
         The unit is m/s^2 or rad/s. y are the calibrated values of the sensor, interpolated at the
-        times of the reference. The parameters x, (p,), hold the error A of the calibration's T and
-        K, the bias b of the session, and the offset dt of the clock. A sample with the time stamp s
-        was taken at ``s + dt + d (s - s_m)`` on the clock of the reference, where s_m is the middle
-        of the log, and d, the argument `drift`, is the drift of the clock.
+        times of the reference. The parameters `x`, (p,), hold the error A of the calibration's
+        misalignment T and scale factors K, the bias b of the session, and the offset dt of the
+        clock. A sample with the time stamp s was taken at ``s + dt + d (s - s_m)`` on the clock of
+        the reference, where s_m is the middle of the log, and d, the argument `drift`, is the drift
+        of the clock.
         """
         # the first shared parameter is the offset of the clock, the last are the entries of A
         shared, gain, values = x[self.shared], np.eye(3), []
@@ -196,19 +203,20 @@ class Windows:
         return (self.read_logs(values, self.rows) - bias[:, None]) @ gain.T
 
     def mounting(self, x):
-        """Return the mounting M of each window, (m, 3, 3), from the parameters x, (p,).
+        """Return the mounting of each of m windows, a rotation matrix M, (m, 3, 3).
 
-        The `attitude` of a ReferenceLog rotates from axes near the body axes of the IMU. M rotates
-        from the axes of the body to these axes.
+        M rotates from the axes of the body to the axes, near the body axes, from which the
+        `attitude` of a ReferenceLog rotates. It follows from the parameters `x`, (p,).
         """
         return Rotation.from_rotvec(x[self.places[:, 3:6]]).as_matrix()[self.session]
 
     def derivative(self, x):
-        """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
+        """Return the derivative of the 3 m residuals with respect to the p parameters x, (3 m, p).
 
-        There are three residuals for each of the m windows. The derivative is numerical. A window
-        depends only on the shared parameters and on the parameters of its session. So a parameter
-        of the sessions, such as a bias, is changed in all sessions at once.
+        There are three residuals for each of the m windows. `x`, (p,), is where the derivative is
+        taken, numerically. A window depends only on the shared parameters and on the parameters of
+        its session. So a parameter of the sessions, such as a bias, is changed in all sessions at
+        once.
         """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
         # index of each parameter by session, which is the same for a shared parameter
@@ -224,8 +232,8 @@ class Windows:
         """Return the variances of the reference in each of m windows, and the sensor's white noise.
 
         The first result is the variance of the attitude, rad², (m,), and the second the variance of
-        the place, m², (m,). The third is the mean over the axes of N², the squared density of the
-        sensor's white noise by the NoiseModel `model`.
+        the place, m², (m,). The third is the squared density N² of the sensor's white noise by the
+        NoiseModel `model`, averaged over the axes.
         """
         attitude, place = np.array([log.noise for log in self.logs])[self.session].T ** 2
         white = np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
@@ -233,11 +241,12 @@ class Windows:
 
 
 class Turns(Windows):
-    """Residuals of the rotation over a window, rad: ``ε = log(Mᵀ Qᵀ M C)``, a rotation vector.
+    """Windows of the gyroscope; their residuals are errors of the rotation over a window, rad.
 
-    C is the rotation by the gyroscope from the body axes at the end of the window to the body axes
-    at its start. Q is the same rotation by the reference, on the axes near the body's from which
-    its `attitude` rotates. The mounting M rotates from the body axes to these axes.
+    The residual ``ε = log(Mᵀ Qᵀ M C)`` is a rotation vector. C is the rotation by the gyroscope
+    from the body axes at the end of the window to the body axes at its start. Q is the same
+    rotation by the reference, on the axes near the body's from which its `attitude` rotates. The
+    mounting M rotates from the body axes to these axes.
     """
 
     sensor, channel, kind, unit = "gyroscope", "w", "reference_rotation", "rad"
@@ -245,7 +254,7 @@ class Turns(Windows):
     half, entries, session_entries = TURN / 2, np.divmod(np.arange(9), 3), [0, 1, 2, 6, 7, 8]
 
     def values(self, x):
-        """Return the residuals ε, rad, (m, 3), for the parameters x, (p,)."""
+        """Return the residuals, rotation vectors in rad, (m, 3), for the parameters `x`, (p,)."""
         _, drift, *_ = x[self.shared]
         steps = step_vectors(self.output(x, drift), np.diff(self.t, axis=1))
         C, M = matrix(prefix_product(exponential(steps))[:, -1]), self.mounting(x)
@@ -254,24 +263,25 @@ class Turns(Windows):
         return Rotation.from_matrix(end.swapaxes(1, 2) @ start @ C).as_rotvec()
 
     def floor(self, x, model):
-        """Return the variance of a component of the residuals ε by the noise alone, rad², (m,).
+        """Return the variance of a component of the residuals by the noise alone, rad², (m,).
 
-        The noise is the error of the reference's attitude at both ends, and the white noise of the
-        gyroscope over the window, by the NoiseModel `model`. The parameters `x` do not matter.
+        The noise is the error of the reference's attitude at both ends of each of m windows, and
+        the white noise of the gyroscope over the window, by the NoiseModel `model`. The parameters
+        `x` do not matter.
         """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
 
 
 class Places(Windows):
-    """Residuals of the mean acceleration over a window, m/s².
+    """Windows of the accelerometer; their residuals are errors of the mean acceleration, m/s².
 
         ε = ∫ tri (C M f) dt / h² - g u - Δ²(p + C M r) / h²
 
-    The first two terms are the acceleration by the accelerometer. f is the specific force on body
-    axes. The mounting M rotates it to axes near the body's, and the `attitude` C of the reference
-    from there to the axes of its world. tri is a triangular weight over the window, whose length is
-    2 h. g is gravity and u the upward direction.
+    ε is the residual of a window. The first two terms are the acceleration by the accelerometer. f
+    is the specific force on body axes. The mounting M rotates it to axes near the body's, and the
+    `attitude` C of the reference from there to the axes of its world. tri is a triangular weight
+    over the window, whose length is 2 h. g is gravity and u the upward direction.
 
     The last term is the acceleration by the reference: the second difference Δ², with the step h,
     of the place of the accelerometer. p is the place of the marker, and r the arm from the marker
@@ -306,10 +316,11 @@ class Places(Windows):
     def subtract_motion(self, f, arm):
         """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
 
-        The result is on the axes of the reference's world, one vector for each of m windows. `f` is
-        the specific force, m/s², of the k samples of each window, (m, k, 3). `arm` is the vector
-        from the marker to the sensor, m, (m, 3, 1), or (1, 3, 1) for all windows. `f` and `arm` are
-        on the axes near the body's from which the `attitude` of a ReferenceLog rotates.
+        There is one vector, on the axes of the reference's world, for each of m windows. `f` is the
+        specific force, m/s², of the k samples of each window, (m, k, 3). `arm` is the vector from
+        the marker to the sensor, m, (m, 3, 1), or (1, 3, 1) for all windows; the last axis has
+        length one, for products with matrices. `f` and `arm` are on the axes near the body's from
+        which the `attitude` of a ReferenceLog rotates.
         """
         # place of the sensor at the start, middle and end, and its second difference
         place = self.place + (self.attitude @ arm[:, None])[..., 0]
@@ -318,7 +329,7 @@ class Places(Windows):
         return (self.mean @ f.reshape(len(f), -1, 1))[..., 0] - acceleration
 
     def values(self, x):
-        """Return the residuals ε, m/s², (m, 3), for the parameters x, (p,)."""
+        """Return the residuals of the acceleration, m/s², (m, 3), for the parameters `x`, (p,)."""
         M, up = self.mounting(x), self.up + x[self.places[:, 6:]]
         gravity = up * (self.gravity / np.linalg.norm(up, axis=1, keepdims=True))
         # the shared parameters are the offset of the clock, the arm from the marker, and A
@@ -326,10 +337,10 @@ class Places(Windows):
         return self.subtract_motion(force, arm) - gravity[self.session]
 
     def floor(self, x, model):
-        """Return the variance of a component of the residuals ε by the noise alone, (m/s²)², (m,).
+        """Return the variance of a component of the residuals by the noise alone, (m/s²)², (m,).
 
-        The noise is the error of the reference's attitude and place, and the white noise of the
-        accelerometer, by the NoiseModel `model`. `x` are the parameters, (p,).
+        The noise is the error of the reference's attitude and place in each of m windows, and the
+        white noise of the accelerometer, by the NoiseModel `model`. `x` are the parameters, (p,).
         """
         attitude, place, white = self.noise(model)
         # a wrong attitude turns gravity, and the arm, whose length is in the parameters
@@ -341,7 +352,7 @@ class Places(Windows):
 
 
 def windows_of(logs, gravity, calibration):
-    """Return the windows of the gyroscope, Turns, and of the accelerometer, Places, a tuple.
+    """Return the windows of the gyroscope, Turns, and of the accelerometer, Places, as one tuple.
 
     A sensor with fewer than `LEAST_WINDOWS` windows is left out. `logs` is a list of ReferenceLog,
     `gravity` is local gravity, m/s^2, and `calibration` the Calibration of the device.

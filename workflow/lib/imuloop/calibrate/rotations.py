@@ -72,7 +72,7 @@ class Lost:
 
     @property
     def reason(self):
-        """Why rotations were left out, text; empty if none was."""
+        """Text on why rotations were left out; empty if none was."""
         text = ""
         if self.left_out:
             lost = plural(self.longest, "sample")
@@ -85,7 +85,7 @@ class Lost:
 
     @property
     def rests_reason(self):
-        """Why rests were left out, text; empty if none was."""
+        """Text on why rests were left out; empty if none was."""
         if not self.railed:
             return ""
         rests = plural(self.railed, "rest")
@@ -93,11 +93,11 @@ class Lost:
 
 
 def gather_rotations(poses, logs, segments, longest_s):
-    """Return the Rotations between consecutive poses of a session, and those left out, the Lost.
+    """Return the Rotations between consecutive poses of a session, and a count of those left out.
 
     A rotation is left out if it lasts longer than `longest_s`, crosses a gap or has a clipped
-    angular rate. It is also left out if missing samples make its angle too uncertain, as
-    `errors_of_time` judges.
+    angular rate. It is also left out if missing samples make its angle too uncertain, by the result
+    of `errors_of_time`.
 
     Parameters
     ----------
@@ -186,11 +186,11 @@ def gather_rotations(poses, logs, segments, longest_s):
 
 
 def _find_ends(poses, first):
-    """Return the start and the end of c rotations, s, (c,) each.
+    """Return the start and the end of each of c rotations, s, (c,) each.
 
     A rotation lasts from the end of a pose to the start of the next pose. A rotation longer than
     ``SEEN / ONSET`` seconds also includes the nearest part of both poses, because it starts and
-    ends too slowly to be told from a rest. A pose that tilts gives no part, because its field
+    ends too slowly to be told from a rest. A pose that tilts gives no such part, because its field
     `w_to_ends` already has the rotation within the pose. `poses` are the Poses, and `first` has the
     index of the pose that each rotation starts from, (c,).
     """

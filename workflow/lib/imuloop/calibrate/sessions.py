@@ -31,7 +31,8 @@ GROUPS = {
 def usable_sessions(sessions, *kinds):
     """Return the sessions of some kinds that were not rejected.
 
-    `sessions` are the sessions by name. A rejected session has no segments.
+    `sessions` are the sessions by name, and `kinds` are names of kinds, such as ``static``. A
+    rejected session has no segments.
 
     Returns
     -------
@@ -43,9 +44,10 @@ def usable_sessions(sessions, *kinds):
 
 
 def why_no_pose(sessions, kind):
-    """Return a text on why no session of a kind has a pose: for each session, its reason.
+    """Return a text on why no session of a kind has a pose, with a reason for each such session.
 
-    `sessions` are the sessions by name. A pose is an attitude in which the device rests.
+    `sessions` are the sessions by name, and `kind` is the kind. A pose is an attitude in which the
+    device rests.
     """
     fates = []
     for name, session in sessions.items():
@@ -56,7 +58,7 @@ def why_no_pose(sessions, kind):
 
 
 def read_poses(sessions, kind):
-    """Return the Poses, means over rests, of the sessions of one kind.
+    """Return the Poses, means over rests, of the sessions of the kind `kind`.
 
     `sessions` are the sessions by name.
     """
@@ -73,7 +75,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     longest_rotation : float
         Longest rotation between two poses, s.
     kind : str, optional
-        The method, a key of `GROUPS`. Its value there are the kinds of the sessions that are used.
+        The method of calibration, a key of `GROUPS`, which has the kinds of the sessions to use.
 
     Returns
     -------
@@ -101,10 +103,11 @@ def largest_recording(sessions, longest_rotation):
 
 
 def first_log(sessions):
-    """Return the metadata of the samples of the first session in the order of `KINDS`, a dict.
+    """Return the metadata of the log from which the units of the device are taken, a dict.
 
-    `sessions` are the sessions by name. A session without samples comes last, because the units of
-    a log that was not read are not known.
+    It is the log of the session whose kind is first in `KINDS`. `sessions` are the sessions by
+    name. A session without samples comes last, because the units of a log that was not read are not
+    known.
     """
 
     def order(session):
@@ -127,10 +130,10 @@ def raw_units(sessions):
 
 
 def layout(sessions):
-    """Return the declaration of a log, such as its columns and units, a dict.
+    """Return the declaration of the log that `first_log` chooses, a dict.
 
-    It is the log that `first_log` chooses from `sessions`, the sessions by name. The key
-    ``sensor_ids`` has the numbers that an autopilot gives its sensors, if the log has them.
+    The declaration has, for example, its columns and units. `sessions` are the sessions by name.
+    The key ``sensor_ids`` has the numbers that an autopilot gives its sensors, if the log has them.
     """
     first = first_log(sessions)
     ids = first.get("sensor_ids")
@@ -138,6 +141,9 @@ def layout(sessions):
 
 
 def hashes(sessions):
-    """Return the SHA-256 of each file of the sessions' logs, a tuple of str without duplicates."""
+    """Return the SHA-256 of each file of the sessions' logs, a tuple of str without duplicates.
+
+    `sessions` are the sessions by name.
+    """
     files = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
     return tuple(dict.fromkeys(value for by_file in files for value in by_file.values()))

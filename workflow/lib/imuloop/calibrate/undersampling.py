@@ -91,12 +91,13 @@ def aliased_turns(t, w, begin, last, bias, variance):
 
 
 def _band_energies(turns, numbers, longest):
-    """Return the energy of each of m rotations in bands of frequency, mean of axes, (m, BANDS).
+    """Return the energy of each of m rotations in bands of frequency, (m, BANDS).
 
-    The bands divide the frequencies from a quarter to half the sampling rate. `turns` has for each
-    rotation the angular rate less the bias, rad/s, (k, 3). `numbers` has for each rotation the
-    number of each sample, (k,), in which dropped samples count. The rate at dropped samples is
-    interpolated. `longest` is the number of samples of the longest rotation, dropped ones included.
+    It is the mean over the three axes. The bands divide the frequencies from a quarter to half the
+    sampling rate. `turns` has for each rotation the angular rate less the bias, rad/s, (k, 3), at
+    its k samples. `numbers` has for each rotation the number of each sample, (k,), in which dropped
+    samples count. The rate at dropped samples is interpolated. `longest` is the number of samples
+    of the longest rotation, dropped ones included.
     """
     # the length of the transform is a multiple of 4 BANDS, so that all bands have as many
     # frequencies
@@ -153,13 +154,14 @@ def _fit_power_law(energy, noise, n):
 
 
 def _shares_of_parts(turn):
-    """Return the covariance of the undersampling error that arises in each part of a rotation.
+    """Return the shares of the undersampling error that arise in equal parts of a rotation.
 
-    The result, (PARTS, 3, 3), is in units of the variance of the whole error on an axis, so that
-    the sum of all traces is three. The error arises where the angular rate bends most. So the trace
-    of a part is proportional to the sum of the squared second differences of `turn`, the angular
-    rate, (k, 3), in it. The share `ANY_WAY` of the covariance is the same in all directions; the
-    rest has the direction of the second differences.
+    A share is a covariance matrix; the result, (PARTS, 3, 3), is in units of the variance of the
+    whole error on an axis, so that the sum of all traces is three. The error arises where the
+    angular rate bends most. So the trace of a part is proportional to the sum of the squared second
+    differences of `turn`, the angular rate, (k, 3), over the samples in it. The fraction `ANY_WAY`
+    of the covariance is the same in all directions; the rest has the direction of the second
+    differences.
     """
     squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
     squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
@@ -173,9 +175,9 @@ def outer_products(vectors):
 
 
 def sum_parts(matrices):
-    """Return the sums of the matrices in each of `PARTS` equal parts of a series, (PARTS, 3, 3).
+    """Return the sums of the matrices in each of `PARTS` equal parts of a sequence, (PARTS, 3, 3).
 
-    `matrices` has the n matrices of the series in order, (n, 3, 3).
+    `matrices` has the n matrices of the sequence in order of time, (n, 3, 3).
     """
     n, sums = len(matrices), np.zeros((PARTS, 3, 3))
     np.add.at(sums, np.arange(n) * PARTS // max(n, 1), matrices)
@@ -185,7 +187,7 @@ def sum_parts(matrices):
 def middle_steps(count):
     """Return the index of the time step in the middle of each part of m rotations, (m, PARTS).
 
-    The index is counted from the start of the rotation. `count`, (m,), is the number of samples of
-    each rotation, which is cut into `PARTS` equal parts.
+    Each rotation is cut into `PARTS` equal parts. The index is counted from the start of the
+    rotation. `count`, (m,), is the number of samples of each rotation.
     """
     return (2 * np.arange(PARTS) + 1) * (count[:, None] - 2) // (2 * PARTS)

@@ -43,8 +43,7 @@ class Reorientation(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the variants of the effect to try, a tuple: one for each time constant of
-        `CREEPS`.
+        """Return the variants of the effect to try, a tuple: one for each τ in `CREEPS`, s.
 
         The `channels` of the data do not matter.
         """

@@ -122,8 +122,7 @@ class BiasTemperature(Effect):
 
     @classmethod
     def variants(cls, channels):
-        """Return the variants of the effect to try, a tuple: orders and lags that the data can
-        show.
+        """Return the variants of the effect to try, a tuple, with different orders and lags.
 
         `channels` are the Channels of the data. The order, 1 to 3, grows with the span of the
         temperature. Each order is tried without lag, and with each lag that is shorter than the

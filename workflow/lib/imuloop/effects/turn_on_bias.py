@@ -64,11 +64,10 @@ class TurnOnBias(Effect):
         return on_each_axis(*((channels.power_cycle == k) - first for k in range(1, self.runs)))
 
     def repeatability(self, values):
-        """Return the standard deviation of the bias over power cycles, (3,), and its interval, (2,
-        3).
+        """Return the standard deviation of the bias over power cycles, (3,), and its 95 % interval.
 
-        Both are in SI and for each axis of the sensor. The 95 % interval has a lower and an upper
-        end. It follows from χ² with one degree of freedom less than there are power cycles.
+        Both are in SI and for each axis of the sensor. The interval, (2, 3), has a lower and an
+        upper end. It follows from χ² with one degree of freedom less than there are power cycles.
         `values` are the parameters of the effect by name, SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum

@@ -106,7 +106,7 @@ def _mark_calibrated(table):
 
 
 def _write_text(path, table):
-    """Write the Arrow table `table` as a CSV file at `path`, with the names of the columns on top."""
+    """Write the Arrow table `table` as a CSV file at `path`, the names of the columns first."""
     # the header is written apart, as Arrow would put it in quotes
     with open(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(map(text_cell, table.column_names))
