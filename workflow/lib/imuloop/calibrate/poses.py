@@ -23,7 +23,7 @@ UNEVEN = 0.1
 
 
 class Table:
-    """Base class of a table: a dataclass whose fields are arrays with a row per pose or rotation."""
+    """Base class of a table: a dataclass of arrays that have a row per pose or per rotation."""
 
     def __len__(self):
         return len(self.start_s)

@@ -16,23 +16,23 @@ ROUNDING = 1e-12
 
 @lru_cache(maxsize=64)
 def bounding(noise):
-    r"""Return N and K whose Allan variance is nowhere below the Allan variance of an axis.
+    r"""Return N and K whose Allan variance is at no time below the Allan variance of an axis.
 
     .. math::
         N^2/\tau + K^2 \tau/3 \ge \sigma^2(\tau),
         \quad 0.1\,\mathrm{s} \le \tau \le 1000\,\mathrm{s}
 
-    A filter with these N (white noise) and K (random walk) never assumes too little noise. `noise`
-    is an AxisNoise whose N and K have a value or a 95 % upper limit; σ²(τ) is its Allan variance
-    without lines. The returned N and K, in the same units, are not below the N and K of `noise`.
-    Among all such pairs, the returned pair exceeds σ²(τ) least: the sum of
-    :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over times evenly spaced in :math:`\log\tau` is
-    smallest. This is a linear program in :math:`N^2, K^2`.
+    τ is the averaging time. A filter with these N (white noise) and K (random walk) never assumes
+    too little noise. `noise` is an AxisNoise whose N and K have a value or a 95 % upper limit;
+    σ²(τ) is its Allan variance without lines. The returned N and K, in the same units, are not
+    below the N and K of `noise`. Among all such pairs, the returned pair exceeds σ²(τ) least: the
+    sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over times evenly spaced in
+    :math:`\log\tau` is smallest. This is a linear program in :math:`N^2, K^2`.
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
-    deterministic, but a filter has no state for it and sees a bias that moves. Lines are not
-    bounded: they average out beyond their period, and a random walk that bounds them would make a
-    filter take vibration for a bias.
+    deterministic, but a filter has no state for it and sees a bias that moves. Lines (periodic
+    disturbances) are not bounded: they average out beyond their period, and a random walk that
+    bounds them would make a filter take vibration for a bias.
 
     References
     ----------

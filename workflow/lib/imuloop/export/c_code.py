@@ -17,7 +17,7 @@ CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 def needs_rate(sensor):
     """Return whether the C function of a sensor needs the angular rate and its derivative.
 
-    `sensor` is the dict of `values.sensor_values`.
+    `sensor` is the dict of a sensor's values that `values.sensor_values` returns.
     """
     of_rate = {"lever_arm", "rate_sensitivity"}
     return sensor["name"] == "accelerometer" and any(
@@ -30,13 +30,17 @@ def subtracted(sensor):
     """Return the effects that C can compute from one sample, a list of (FittedEffect, terms).
 
     Each of the terms has the index of an axis, and the C expression to subtract from the output of
-    this axis. `sensor` is the dict of `values.sensor_values`.
+    this axis. `sensor` is the dict of a sensor's values that `values.sensor_values` returns.
     """
     return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
-    """Return the terms of a FittedEffect, a list: for each parameter an axis and a C expression."""
+    """Return the terms of a FittedEffect, a list of (axis, C expression), one per parameter.
+
+    `fitted` is the FittedEffect. The axis is an index, and the expression is to be subtracted from
+    the output of this axis.
+    """
     terms = []
     if fitted.name == Product.name:
         return [_product(fitted)]
@@ -58,7 +62,8 @@ def _effect(fitted):
 def _product(fitted):
     """Return the index of the axis of a Product and its C expression.
 
-    A Product is a coefficient times powers of outputs and of the temperature.
+    `fitted` is the FittedEffect of a Product: a coefficient times powers of outputs and of the
+    temperature.
     """
     (name,), texts = fitted.effect.parameters, []
     for factor in fitted.effect.factors:
@@ -72,8 +77,8 @@ def _product(fitted):
 def _clamped(fitted, name, expression):
     """Return a C expression that limits `expression` to its range in the data of the fit.
 
-    `expression` is the C expression by which the parameter `name` of a FittedEffect is multiplied.
-    It is returned as it is if its range is not known.
+    `expression` is the C expression by which the parameter `name` of `fitted`, a FittedEffect, is
+    multiplied. It is returned as it is if its range is not known.
     """
     if name not in fitted.ranges:
         return expression
@@ -82,5 +87,8 @@ def _clamped(fitted, name, expression):
 
 
 def _warmer(fitted):
-    """Return a C expression: temperature minus reference temperature of a FittedEffect."""
+    """Return a C expression: the temperature minus the reference temperature of an effect.
+
+    `fitted` is the FittedEffect.
+    """
     return f"(temperature - {number(fitted.effect.reference_temperature)})"

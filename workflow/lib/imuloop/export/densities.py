@@ -16,7 +16,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Density:
-    """A noise coefficient, SI, with its axis or channel.
+    """A noise coefficient of one axis, SI, such as the density of its white noise.
 
     `value` is the estimate. If the data do not show the coefficient, `value` is its one-sided 95 %
     upper limit and `limit` is true. If `value` was raised so that N and K bound the Allan variance,
@@ -30,7 +30,7 @@ class Density:
 
     @property
     def words(self):
-        """The text of a comment on the value: its axis, and whether it is a limit or was raised."""
+        """Text of a comment on the value: its axis, and whether it is a limit or was raised."""
         words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
         if self.raised_from is not None:
             words += f"; raised from {self.raised_from:.3g} so that N and K bound its Allan curve"
@@ -38,24 +38,26 @@ class Density:
         return words
 
     def times(self, factor):
-        """Return a copy whose `value` and `raised_from` are multiplied by a factor."""
+        """Return a copy whose `value` and `raised_from` are multiplied by the number `factor`."""
         raised_from = None if self.raised_from is None else self.raised_from * factor
         return replace(self, value=self.value * factor, raised_from=raised_from)
 
 
 def estimated(noise, axis, term):
-    """Return the Density of the coefficient `term`, N, B or K, of an AxisNoise.
+    """Return the Density of a noise coefficient of one axis.
 
-    The coefficient has to have an estimate or a limit. `axis` is the name of the axis.
+    `noise` is the AxisNoise, `axis` the name of the axis, and `term` the coefficient: N (white
+    noise), B (flicker) or K (random walk). It has to have an estimate or a limit.
     """
     coefficient = getattr(noise, term)
     return Density(float(coefficient.size), axis, coefficient.value is None)
 
 
 def for_filter(noise, axis, term):
-    """Return the Density of N or K of an AxisNoise, raised so that both bound its Allan variance.
+    """Return the Density of N or K of one axis, raised so that both bound its Allan variance.
 
-    `axis` is the name of the axis, and `term` is N or K. See `bounding`.
+    `noise` is the AxisNoise, `axis` the name of the axis, and `term` is N (white noise) or K
+    (random walk). The function `bounding` says how they are raised.
     """
     raw = estimated(noise, axis, term)
     value = dict(zip("NK", bounding(noise), strict=True))[term]
@@ -67,8 +69,9 @@ def of_calibrated(sensor, densities):
 
     `sensor` is the SensorCalibration, and `densities` has the Density of each axis of the samples
     as logged. Axis i of the calibrated samples has ``N_i² = Σ_j M_ij² N_j²``, because the noise of
-    the axes is independent. M, (3, 3), is T K over the nominal scale. Densities that bound the
-    Allan variance of the samples as logged give densities that bound it for calibrated samples.
+    the axes is independent; the same holds for the other coefficients. M, (3, 3), is the
+    misalignment T times the scale factors K over the nominal scale. Densities that bound the Allan
+    variance of the samples as logged give densities that bound it for calibrated samples.
     """
     at = [AXES.index(density.axis[-1]) for density in densities]
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]

@@ -53,7 +53,7 @@ FORMATS = tuple(
 
 @cache
 def environment():
-    """Return the jinja2 environment of the templates, in which a missing value is an error."""
+    """Return the jinja2 environment of the templates; it raises an error for a missing value."""
     jinja = Environment(
         loader=PackageLoader("imuloop", "templates/export"),
         undefined=StrictUndefined,
@@ -68,15 +68,19 @@ def environment():
 
 
 def render(file, content):
-    """Return the text of a file: its template, filled with the values of the dict `content`."""
+    """Return the text of the exported file with the name `file`.
+
+    It is the template of this file, filled with the values of the dict `content`.
+    """
     return environment().get_template(f"{file}.j2").render(content)
 
 
 def read_exported(device):
-    """Return the `Exported` of a `chain.Device`, from its result files.
+    """Return the `Exported` of a device, the results to export, from its result files.
 
-    The quality of its sessions gives the temperatures, and the sampling rate if noise.json lacks
-    it. diagnosis.json gives time offset and lever arm relative to a reference.
+    `device` is a `chain.Device`. quality.json of its sessions gives the temperatures, and the
+    sampling rate if noise.json lacks it. diagnosis.json gives time offset and lever arm relative to
+    a reference.
     """
     content = read_json(device.file("noise.json"))
     fit = Calibration.from_json(device.file("calibration.json"))
@@ -99,11 +103,11 @@ def read_exported(device):
 
 
 def reference_parameters(diagnosis, qualities):
-    """Return the parameters of the effects that a reference showed, SI, by (sensor, effect).
+    """Return the parameters of the effects that a comparison with a reference showed, SI.
 
-    `diagnosis` is the content of diagnosis.json, and `qualities` has the content of quality.json of
-    each session. The time offset is left out if the reference has its own clock, because the next
-    recording has another offset.
+    They are a dict by (sensor, effect). `diagnosis` is the content of diagnosis.json, and
+    `qualities` has the content of quality.json of each session. The time offset is left out if the
+    reference has its own clock, because the next recording has another offset.
     """
     own_clock = any(q.get("reference", {}).get("clock", {}).get("own") for q in qualities)
     return {
@@ -115,9 +119,10 @@ def reference_parameters(diagnosis, qualities):
 
 
 def export_files(exported):
-    """Return the texts of the exported files of an Exported, a dict by file name.
+    """Return the texts of the exported files of a device, a dict by file name.
 
-    README.txt lists the files, and says for each format that is left out which part is missing.
+    `exported` is the Exported. README.txt lists the files, and says for each format that is left
+    out which part is missing.
     """
     files, written, left_out = {}, [], []
     for form in FORMATS:
@@ -133,8 +138,8 @@ def export_files(exported):
 def write_exports(folder, files):
     """Replace the content of `folder` by `files`, texts by name, and write their SHA-256.
 
-    The SHA-256 of each file by its name are in a JSON file next to the folder, ``exports.json`` for
-    the folder ``exports``.
+    The SHA-256 of each file is written, by its name, to a JSON file next to the folder:
+    ``exports.json`` for the folder ``exports``.
     """
     folder = Path(folder)
     shutil.rmtree(folder, ignore_errors=True)
@@ -146,6 +151,9 @@ def write_exports(folder, files):
 
 
 def listed(path):
-    """Return (file name, tool) of each export, a list; `path` is the path of ``exports.json``."""
+    """Return the file name of each exported file and its tool, a list of (file name, tool).
+
+    `path` is the path of ``exports.json``.
+    """
     names = read_json(path)["sha256"]
     return [(form.file, form.title) for form in FORMATS if form.file in names]

@@ -18,9 +18,10 @@ STANDARD = 25.0
 def bias_polynomial(sensor, reference):
     """Return the coefficients c of the bias as a polynomial of the temperature, (4, 3).
 
-    The effect `bias_temperature` on axis i at the temperature θ is ``Σ_k c_ki (θ - reference)^k``,
-    with the orders k = 0 … 3 and θ and `reference` in degC. c_ki is in the SI unit of the output
-    ``K (raw - b)`` per K^k. All are 0 if the sensor has no such effect.
+    The rows are the orders k = 0 … 3, the columns the axes i. The effect `bias_temperature` on axis
+    i at the temperature θ is ``Σ_k c_ki (θ - reference)^k``, with θ and `reference` in degC. c_ki
+    is in the SI unit of the output ``K (raw - b)`` per K^k. All are 0 if the sensor has no such
+    effect. `sensor` is the dict of the sensor's values.
     """
     total = np.zeros((TERMS, 3))
     for fitted in sensor[BIAS]:
@@ -35,8 +36,9 @@ def bias_polynomial(sensor, reference):
 def rotation_and_upper(gyroscope):
     """Return Q and U, (3, 3) each, with ``T K = Q U``, for the model rpng of OpenVINS.
 
-    T is the misalignment of the gyroscope, and K its scale factors over the nominal scale. Q is a
-    rotation, and U is upper triangular with a positive diagonal.
+    T is the misalignment of the gyroscope, and K the diagonal matrix of its scale factors over the
+    nominal scale; both are in the dict `gyroscope`. Q is a rotation, and U is upper triangular with
+    a positive diagonal.
     """
     rotation, upper = np.linalg.qr(gyroscope["T"] * gyroscope["scale"])
     signs = np.sign(np.diag(upper))
@@ -44,11 +46,11 @@ def rotation_and_upper(gyroscope):
 
 
 def size_effect(accelerometer):
-    """Return Kalibr's ``ry_i`` and ``rz_i``, m, or () without a lever arm.
+    """Return Kalibr's ``ry_i`` and ``rz_i``, m: the places of the y and z axes of an accelerometer.
 
-    They are the vectors from the accelerometer's x axis to its y and z axes.
-    Kalibr's model, with the specific force f and the angular rate w at the x axis, the matrix I_i
-    that keeps component i only, and M = (T K)^-1, is::
+    They are vectors from its x axis. The result is () if the `accelerometer`, a dict of its values,
+    has no lever arm. Kalibr's model is as follows, with the specific force f and the angular rate w
+    at the x axis, the matrix I_i that keeps component i only, and M = (T K)^-1::
 
         f_logged = M (f + Σ_i I_i (dw/dt × ri_i + w × (w × ri_i))) + b
 

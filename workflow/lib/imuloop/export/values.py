@@ -36,16 +36,18 @@ class Exported:
     sensors: tuple[str, ...] = tuple(SENSORS)  # the sensors that the logs hold
 
     def sensor(self, name):
-        """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
+        """Return the `SensorCalibration` of the sensor `name`, ``accelerometer`` or ``gyroscope``."""
         return getattr(self.calibration, name)
 
 
 def reasons(exported):
-    """Return the reason for each part that formats need and an Exported lacks, a dict of text.
+    """Return the parts that formats may need and a device lacks, a dict of the reason for each.
 
-    The parts are ``calibration`` (of at least one sensor); ``accelerometer`` and ``gyroscope``,
-    the calibration of this sensor; ``rate``, the sampling rate; and ``N``, ``K`` and ``B``, this
-    noise coefficient of all axes. The noise of a sensor that the logs lack is not needed.
+    `exported` is the Exported of the device. The parts are ``calibration`` (of at least one
+    sensor); ``accelerometer`` and ``gyroscope``, the calibration of this sensor; ``rate``, the
+    sampling rate; and ``N``, ``K`` and ``B``, this noise coefficient (white noise, random walk,
+    flicker) of all axes. The noise of a sensor that the logs lack is not needed. The dict is empty
+    if nothing is missing.
     """
     calibration, by_part = exported.calibration, {}
     if not calibration.measured:
@@ -64,10 +66,11 @@ def reasons(exported):
 
 
 def values(exported):
-    """Return the values of an Exported for the templates, a dict with a dict for each sensor.
+    """Return the values of a device for the templates, a dict with a dict for each sensor.
 
-    A noise coefficient without a value or limit has no entry, and a sensor that the logs lack has
-    none either. A format that uses such an entry lists it in its `needs`, and is then not written.
+    `exported` is the Exported of the device. A noise coefficient without a value or limit has no
+    entry, and a sensor that the logs lack has none either. A format that uses such an entry lists
+    it in its `needs`, and is then not written.
     """
     calibration = exported.calibration
     sensors = {name: sensor_values(exported, name) for name in exported.sensors}
@@ -133,9 +136,10 @@ def noise_values(sensor, noise):
     """Return the noise coefficients of logged and of calibrated samples, a dict.
 
     `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The keys
-    ``logged`` and ``calibrated`` have, by the letter of the coefficient, the Density of each axis.
-    The keys ``worst`` (calibrated) and ``worst_logged`` have the largest Density of the axes, for N
-    and K only, raised for a filter.
+    ``logged`` and ``calibrated`` have a dict by the letter of the coefficient: N (white noise), B
+    (flicker) and K (random walk), each a list with the Density of each axis. The keys ``worst``
+    (calibrated) and ``worst_logged`` have the largest Density of the axes, for N and K only, raised
+    so that a filter with them never assumes too little noise.
     """
     terms = [t for t in "NKB" if all(getattr(fit, t).size is not None for fit in noise.values())]
     both = "NK" if {*"NK"} <= {*terms} else ""
@@ -150,12 +154,13 @@ def noise_values(sensor, noise):
 
 
 def left_out(sensor, name):
-    """Return the parts of a SensorCalibration that some formats cannot hold, a list of dict.
+    """Return the parts of a sensor's calibration that some formats cannot hold, a list of dict.
 
-    `name` is the name of the sensor. Each part has a ``name``. The first is the misalignment,
-    unless T is the identity; its ``angle``, deg, is the largest magnitude in T off the diagonal.
-    The others are effects. An effect has its ``equation``, its ``constants``, and ``largest``, a
-    dict with the largest magnitude of its parameters of each unit.
+    `sensor` is the SensorCalibration, and `name` the name of the sensor. Each part has a ``name``.
+    The first is the misalignment, unless T is the identity; its ``angle``, deg, is the largest
+    magnitude in T off the diagonal. All further parts are effects. An effect has its ``equation``,
+    its ``constants``, and ``largest``, a dict with the largest magnitude of its parameters of each
+    unit.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
     parts = [{"name": "misalignment", "angle": angle}] if angle else []
@@ -169,7 +174,10 @@ def left_out(sensor, name):
 
 
 def common(spans):
-    """Return the intersection of ranges, (low, high); None if empty or if a range is None."""
+    """Return the intersection of the ranges `spans`, (low, high) each; None if it is empty.
+
+    It is also None if there are no ranges, or if a range is None.
+    """
     if not spans or None in spans:
         return None
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
@@ -179,24 +187,28 @@ def common(spans):
 def seen_range(fitted, names, offset=0.0):
     """Return the range of the input of an effect in the data that it was fitted to, or None.
 
-    `fitted` is a FittedEffect, which has a range for its parameters: the range of the factor by
-    which a parameter is multiplied, such as the temperature less a reference. The result is the
-    intersection of the known ranges of the parameters `names`, with `offset` added to both ends. It
-    is None if no range is known, or if the intersection is empty.
+    `fitted` is a FittedEffect. It has a range for each parameter: the range of the factor by which
+    the parameter is multiplied, such as the temperature less a reference. The result, (low, high),
+    is the intersection of the known ranges of the parameters `names`, with `offset` added to both
+    ends. It is None if no range is known, or if the intersection is empty.
     """
     span = common([fitted.ranges[name] for name in names if name in fitted.ranges])
     return span and (offset + span[0], offset + span[1])
 
 
 def temperature_range(fitted):
-    """Return the range of temperatures that `bias_temperature` was fitted to, degC, or None."""
+    """Return the range of temperatures that an effect was fitted to, degC, (low, high), or None.
+
+    `fitted` is the FittedEffect, a `bias_temperature`. The result is None if the range is not
+    known.
+    """
     return seen_range(fitted, [f"c1{axis}" for axis in AXES], fitted.effect.reference_temperature)
 
 
 def seen_words(fitted):
     """Return the range of the data that an effect was fitted to, a text, or None if unknown.
 
-    The effect is `bias_temperature` or `g_sensitivity`.
+    `fitted` is the FittedEffect, a `bias_temperature` or a `g_sensitivity`.
     """
     if fitted.name == BIAS:
         span = temperature_range(fitted)

@@ -21,8 +21,8 @@ _REACH = 1.959964
 class Estimates:
     """The value of one parameter in each of n devices, with its standard error.
 
-    It is nan for a device whose data do not determine the parameter. The values are in nominal SI:
-    raw readings with the offset and scale of the data sheet. For a noise coefficient they are
+    Both are nan for a device whose data do not determine the parameter. The values are in nominal
+    SI: raw readings with the offset and scale of the data sheet. For a noise coefficient they are
     natural logarithms, so that differences and the spread between devices are relative.
     """
 
@@ -34,7 +34,7 @@ class Estimates:
 
     @property
     def has_value(self):
-        """Whether the data of each device determine the parameter, (n,) of bool."""
+        """Whether the data of each device determine the parameter, (n,) of bool for n devices."""
         return np.isfinite(self.values) & np.isfinite(self.std) & (self.std > 0)
 
 
@@ -79,9 +79,10 @@ def estimates_of_noise(noises):
 
 
 def logarithm(coefficient):
-    """Return the natural logarithm of a Coefficient, and its standard error by the 95 % interval.
+    """Return the natural logarithm of a noise coefficient, and its standard error.
 
-    Both are nan if the value or the interval is not known.
+    `coefficient` is the Coefficient. The error follows from its 95 % interval. Both are nan if the
+    value or the interval is not known.
     """
     value, interval = coefficient.value, coefficient.ci95
     if not value or not interval or interval[1] <= value:

@@ -26,7 +26,7 @@ SIGNIFICANCE = 0.05
 
 @dataclass(frozen=True)
 class Member:
-    """A device of a type, and its results."""
+    """A member of a type: one device, with its calibration, noise and tested effects."""
 
     name: str
     calibration: Calibration
@@ -36,7 +36,7 @@ class Member:
 
 
 def read_member(folder):
-    """Return the Member of a folder of results."""
+    """Return the Member whose results are in `folder`; the name of the folder is its name."""
     folder = Path(folder)
     return Member(
         name=folder.name,
@@ -69,8 +69,8 @@ def write_family(path, types):
 def compare_devices(members):
     """Return the content of family.json on one type, a dict; `members` are its Members.
 
-    For each parameter, each device is tested for being odd. The p-values of all these tests are
-    adjusted together by Holm's method.
+    For each parameter, each device is tested for being odd: for differing from all other devices of
+    the type. The p-values of all these tests are adjusted together by Holm's method.
     """
     all_estimates = estimates_of_calibrations([m.calibration for m in members])
     all_estimates += estimates_of_noise([m.noise for m in members])
@@ -100,7 +100,7 @@ def compare_parameter(estimates, members):
     """Return the content of family.json on one parameter, a dict, and k p-values, (k,).
 
     There is a p-value for each of the k devices whose data determine the parameter: the probability
-    that a device which is not odd differs from the others by at least as much. It is not adjusted
+    that a usual device differs from all others by at least as much as this one. It is not adjusted
     for other tests. The mean and the values of a noise coefficient are in its unit; its spread and
     standard errors are relative.
 

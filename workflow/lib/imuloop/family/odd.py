@@ -14,13 +14,13 @@ TRIED = 50
 
 
 def deviations(y, squares):
-    """Return the deviation of each of n devices from the others, and its p-value, (n,) each.
+    """Return the deviation of each of n devices from all others, and its p-value, (n,) each.
 
     `y` are the values of one parameter and `squares` their variances, (n,) each. The deviation is
-    the difference between the value of the device and the mean of the others, over its standard
-    deviation. This includes the spread of the others, the error of their mean, and the error of the
-    device itself. The p-value is by Student's t. Only the `TRIED` devices farthest from the mean
-    are tested; the p-value of all others is one.
+    the value of the device minus the mean of the others, over the standard deviation of this
+    difference. The standard deviation includes the spread of the others, the error of their mean,
+    and the error of the device itself. The p-value is by Student's t. Only the `TRIED` devices
+    farthest from the mean are tested; the p-value of all others is one.
     """
     count = len(y)
     # distance from the median, in robust standard deviations

@@ -36,7 +36,7 @@ def read_prior(sheet, file, device, sessions, type=None):
         For each session that is to be calibrated, by name, its ``kind`` and the path of its
         ``samples``.
     type : str, optional
-        Type of the device; needed where the family.json holds several.
+        Name of the device's type; needed if a family.json holds several types.
 
     Raises
     ------
@@ -93,10 +93,11 @@ def of_calibration(prior, calibration, source):
 def _refuse_same_logs(calibration, sessions):
     """Raise an ImuloopError if a Calibration cannot be the prior of a fit to the `sessions`.
 
-    It cannot if it was fitted to one of their logs, which would count twice, as prior and as data.
-    A static log does not matter, because only its noise is used. It cannot either if its axes are
-    other columns of the log than the axes of the sessions. `sessions` has for each session, by
-    name, its ``kind`` and the path of its ``samples``.
+    `calibration` is the Calibration. It cannot be the prior if it was fitted to one of the
+    sessions' logs, which would count twice, as prior and as data. A static log does not matter,
+    because only its noise is used. Nor can it be the prior if its axes are other columns of the log
+    than the axes of the sessions. `sessions` has for each session, by name, its ``kind`` and the
+    path of its ``samples``.
     """
     with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
     if {*hashes(with_poses)} & {*calibration.sha256}:
@@ -118,10 +119,10 @@ def _refuse_same_logs(calibration, sessions):
 
 
 def _content_on_type(content, type):
-    """Return the part on a type of `content`, the content of family.json, a dict.
+    """Return the part of a family.json that is about one type of device, a dict.
 
-    `type` is the name of the type, or None if the file has a single type. Raises an ImuloopError if
-    there is no such type.
+    `content` is the content of the file. `type` is the name of the type, or None if the file has a
+    single type. Raises an ImuloopError if there is no such type.
     """
     types = content["types"] if isinstance(content["types"], dict) else {}
     if type is None and len(types) == 1:
@@ -138,14 +139,15 @@ def _of_family(prior, content, device, source):
 
     `content` is the part of family.json on the type, `device` the name of the device, and `source`
     the name of the file. A parameter that fewer than `LEAST_OTHERS` others determined keeps the
-    values of `prior`, a Prior. The prior of all others is normal with the mean μ of the n devices.
-    Its variance is the variance of a new device, ``τ² + var(μ)``, where τ is the spread between
-    devices, times ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of freedom.
+    values of `prior`, a Prior. Every other parameter has a normal prior with the mean μ of the n
+    devices. Its variance is ``τ² + var(μ)``, the variance of a new device, where τ is the spread
+    between devices, times ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of
+    freedom.
 
     References
     ----------
-    J. Higgins, S. Thompson, D. Spiegelhalter, "A re-evaluation of random-effects meta-analysis",
-    J. R. Stat. Soc. A 172 (2009), 137, section 5.
+    J. Higgins, S. Thompson, D. Spiegelhalter, "A re-evaluation of random-effects meta-analysis", J.
+    R. Stat. Soc. A 172 (2009), 137, section 5.
     """
     for sensor, names in NAMES.items():
         mean, covariance = (values.copy() for values in prior.of(sensor))
@@ -167,10 +169,11 @@ def _of_family(prior, content, device, source):
 
 
 def _others(content, name, device):
-    """Return the values of a parameter in all devices but `device`, and their errors, (n,) each.
+    """Return the values of a parameter in all n devices but `device`, and their errors, (n,) each.
 
-    `content` is the part of family.json on the type, and `name` the name of the parameter there.
-    The errors are standard errors. Raises an ImuloopError if the content is damaged.
+    `content` is the part of family.json on the type of the device, and `name` the name of the
+    parameter there. The errors are standard errors. Raises an ImuloopError if the content is
+    damaged.
     """
     try:
         entry = content["parameters"].get(name, {"devices": (), "values": (), "std": ()})

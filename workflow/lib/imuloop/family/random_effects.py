@@ -41,11 +41,12 @@ class RandomEffects:
     information: np.ndarray  # twice the Fisher information of the restricted likelihood on τ²
 
     def deviation(self, y, squares):
-        """Return the deviation of a further value from each model, and its p-value, (m,) each.
+        """Return the deviation of a further value from each of m models, and its p-value.
 
-        `y` has a value for each model, (m,), and `squares` its variance s², (m,). The deviation is
-        ``(y - μ)/√(τ² + s² + var(μ))``. The p-value is by Student's t, whose degrees of freedom
-        follow from the error of ``τ² + s²`` (Satterthwaite) and are `dof` at most.
+        Both have the shape (m,). `y` has a value for each model, (m,), and `squares` its variance
+        s², (m,). The deviation is ``(y - μ)/√(τ² + s² + var(μ))``, with the mean μ and the spread τ
+        of the model. The p-value is by Student's t, whose degrees of freedom follow from the error
+        of ``τ² + s²`` (Satterthwaite) and are `dof` at most.
         """
         variance = self.variance + squares
         deviation = (y - self.mean) / np.sqrt(variance + self.mean_variance)
@@ -56,9 +57,10 @@ class RandomEffects:
 def fit(y, squares, counted=None):
     """Return the RandomEffects of the values of n devices by restricted maximum likelihood.
 
-    The model is ``y_i ~ N(μ, τ² + s_i²)``. The derivative of the log-likelihood by τ² (score) is
-    ``½ (yᵀ P P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw``, where W is the diagonal matrix of the
-    weights ``w = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is at least zero.
+    The model is ``y_i ~ N(μ, τ² + s_i²)``, with the mean μ, the spread τ between devices, and the
+    known error s_i of each device. The derivative of the log-likelihood by τ² (score) is ``½ (yᵀ P
+    P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw``, where W is the diagonal matrix of the weights ``w
+    = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is at least zero.
 
     Parameters
     ----------

@@ -45,13 +45,13 @@ class Step:
     axis: str | None = None
 
     def __str__(self):
-        """Return the instruction for the user."""
+        """Return the instruction for the user, a sentence."""
         if self.axis:
             return f"turn it by 360° about {self.axis}, with that axis level"
         return f"turn it until {direction_words(self.up)} is up, and let go for {REST_S:.0f} s"
 
     def turn(self, now):
-        """Return the rotation that the device makes in this step.
+        """Return the rotation that the device makes in this step, with its start and duration.
 
         Parameters
         ----------
@@ -101,11 +101,12 @@ class Advice:
 def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     """Return the Advice: the parameter that limits a calibration, and the next rest or turn.
 
-    The parameter that limits the calibration has the largest ratio of its error in use to the error
-    that is good enough. The next step is the one of `candidates` after which the standard error of
-    this parameter is smallest. A step adds residuals with the Jacobian J and the covariance R. The
-    covariance C of the parameters then becomes ``C - C Jᵀ (J C Jᵀ + R)⁻¹ J C``. R follows from the
-    noise, times the reduced χ² of the calibration if that is above one.
+    The parameter that limits the calibration has the largest ratio of its error in use, at 1 g or
+    100 deg/s, to the error that is good enough. The next step is the one of `candidates` after
+    which the standard error of this parameter is smallest. A step adds residuals with the Jacobian
+    J and the covariance R. The covariance C of the parameters then becomes ``C - C Jᵀ (J C Jᵀ +
+    R)⁻¹ J C``. R follows from the noise, times the reduced χ² of the calibration if that is above
+    one.
 
     Parameters
     ----------
@@ -171,9 +172,9 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
 
 
 def upward(calibration, poses):
-    """Return the upward direction in each of n Poses, unit vectors on body axes, (n, 3).
+    """Return the upward direction in each of n poses, unit vectors on body axes, (n, 3).
 
-    `calibration` is the Calibration of the device.
+    `calibration` is the Calibration of the device, and `poses` are the Poses.
     """
     force = calibration.accelerometer.aligned(poses.f)
     return force / np.linalg.norm(force, axis=1)[:, None]
@@ -182,10 +183,10 @@ def upward(calibration, poses):
 def candidates(up):
     """Return the Steps from which the next one is chosen, a list.
 
-    These are rests in those `ATTITUDES` that differ from all earlier rests by more than `FAR`,
-    because an effect can hide in an attitude that was never tried. If there is no such attitude,
-    they are rests that differ from the last rest by more than `FAR`, and a turn about each axis.
-    `up` are the upward directions of the n earlier rests on body axes, (n, 3).
+    These are rests in those of the `ATTITUDES` that differ from all earlier rests by more than the
+    angle `FAR`, because an effect can hide in an attitude that was never tried. If there is no such
+    attitude, they are rests that differ from the last rest by more than `FAR`, and a turn about
+    each axis. `up` are the upward directions of the n earlier rests on body axes, (n, 3).
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
@@ -249,11 +250,11 @@ def simulate_steps(steps, now, calibration, recording):
 
 
 def next_step(calibration, noise, recording):
-    """Return the entry of diagnosis.json on the next step, a dict.
+    """Return the entry of diagnosis.json on the next step, a dict: the parameter and the step.
 
     It is empty if the noise of a channel is not known, or if a pose has no specific force. An error
-    is good enough if it is at most the noise of a mean over one second. The arguments are the
-    Calibration and the NoiseModel of the device and its Recording.
+    is good enough if it is at most the noise of a mean over one second. `calibration`, `noise` and
+    `recording` are the Calibration, NoiseModel and Recording of the device.
     """
     poses = recording.poses
     enough = np.sqrt(noise.mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])

@@ -83,7 +83,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 
 
 def rest_noise(samples):
-    """Return the NoiseModel by the rests of a session, with flicker and random walk.
+    """Return the NoiseModel that the rests of a session show, with flicker and random walk.
 
     `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
     """

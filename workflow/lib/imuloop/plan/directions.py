@@ -11,9 +11,9 @@ LEANS = 0.35
 
 
 def largest_hole(directions):
-    """Return the direction farthest from n others, (3,), and its angle to the nearest of them, rad.
+    """Return the direction farthest from n given ones, (3,), and its angle to the nearest, rad.
 
-    `directions` are the n others, unit vectors, (n, 3).
+    `directions` are the n given directions, unit vectors, (n, 3).
     """
     # directions about 4 degrees apart
     grid = fibonacci_lattice(2000)
@@ -23,9 +23,9 @@ def largest_hole(directions):
 
 
 def direction_words(vector):
-    """Return the name of a direction: the axes with a large component, such as ``+x −z``.
+    """Return the name of a direction: its axes with a large component, such as ``+x −z``.
 
-    `vector` is a unit vector, (3,).
+    `vector` is a unit vector along the direction, (3,).
     """
     signs = zip(vector, "xyz", strict=True)
     return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > LEANS)

@@ -37,10 +37,11 @@ COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 def validate_attitude(device, diagnosed, settings):
     """Return the errors of gravity's direction on held-out stretches, by the models of a device.
 
-    The true direction of gravity at a rest is taken as the mean specific force, calibrated by the
-    final model that was fitted without this rest. Two methods predict the direction at the rests of
-    a stretch: the gyroscope alone, from the true direction at the rest before, and a filter, from
-    the specific force and the angular rate that each model calibrates.
+    A stretch is a part of a log from a rest, through moves and rests, to a rest. The true direction
+    of gravity at a rest is taken as the mean specific force, calibrated by the final model that was
+    fitted without this rest. Two methods predict the direction at the rests of a stretch: the
+    gyroscope alone, from the true direction at the rest before; and a filter, from specific force
+    and angular rate. Both use values that a model calibrates, and the models are compared.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def validate_attitude(device, diagnosed, settings):
 def no_attitude(device, why):
     """Return the content of attitude.json if nothing can be tested, and an empty attitude.parquet.
 
-    `why` is the reason, and `device` the name of the device.
+    They are a dict and a DataFrame. `why` is the reason, and `device` the name of the device.
     """
     nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
     return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
@@ -92,8 +93,9 @@ def no_attitude(device, why):
 def blocks(count, settings):
     """Return the number of the block of each of `count` poses in order of time, (count,) of int.
 
-    The blocks have about the same number of poses. The field `folds` of `settings`, a
-    DiagnoseSettings, is the largest number of blocks.
+    A block is a group of consecutive poses that are held out together. The blocks have about the
+    same number of poses. The field `folds` of `settings`, a DiagnoseSettings, is the largest number
+    of blocks.
     """
     number = min(count, settings.folds, max(FEWEST, count // BLOCK))
     return np.arange(count) * number // max(count, 1)
@@ -102,10 +104,11 @@ def blocks(count, settings):
 def held_out_models(diagnosed, problem):
     """Return, for each block of poses, the models of a device that are fitted without this block.
 
-    The models are: ``raw``, the nominal scale of the data sheet; ``base``, bias, scale factors and
-    misalignments; ``final``, these and effects. The final model is the base model if no effect was
-    added. Effects are searched without the block, and only if the fit to all poses has one. If the
-    poses do not determine the accelerometer, its calibration is the one of the diagnosis.
+    A block is a group of consecutive poses that are held out together. The models are: ``raw``, the
+    nominal scale of the data sheet; ``base``, bias, scale factors and misalignments; ``final``,
+    these and effects. The final model is the base model if no effect was added. Effects are
+    searched for without the block, and only if the fit to all poses has an effect. If the poses do
+    not determine the accelerometer, its calibration is the one of the diagnosis.
 
     Parameters
     ----------
@@ -130,7 +133,7 @@ def held_out_models(diagnosed, problem):
     def fit_without(problem, effects, held_out):
         """Return the Calibration of a PoseProblem with `effects`, fitted without some blocks.
 
-        `held_out` are the numbers of these blocks.
+        `problem` is the PoseProblem, and `held_out` are the numbers of these blocks.
         """
         return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
@@ -150,10 +153,11 @@ def held_out_models(diagnosed, problem):
 def _errors(recording, block, models, names):
     """Return the errors of gravity's direction, a row per stretch, method, model, rest and moment.
 
-    The result is a DataFrame with the `COLUMNS`. A stretch lies within one block, and the models
-    were fitted without this block. `block` is the number of the block of
-    each of the n poses of the Recording, (n,). `models` has for each block a dict of Calibration
-    by the name of the model. `names` are the names of the sessions.
+    The result is a DataFrame with the `COLUMNS`. The moment is the arrival at the rest or the
+    departure from it. A stretch lies within one block, and the models were fitted without this
+    block. `block` is the number of the block of each of the n poses of the Recording `recording`,
+    (n,). `models` has for each block a dict of Calibration by the name of the model. `names` are
+    the names of the sessions.
     """
     tables, calibrated_log = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -201,10 +205,11 @@ def _errors(recording, block, models, names):
 
 
 def _summary(rows):
-    """Return the content of attitude.json on a method, a dict: root mean squares and their ratio.
+    """Return the content of attitude.json on one method, a dict: errors of each model, and a ratio.
 
-    It is about the errors at the end of each move. `rows` are the rows of attitude.parquet with the
-    method.
+    The errors of a model are summed up by their root mean square and 95 % quantile. The ratio is
+    the root mean square of the base model over that of the final model. Only errors at the end of a
+    move count. `rows` are the rows of attitude.parquet with this method.
     """
     rows = rows[rows["at"] == "arrival"]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
@@ -226,9 +231,10 @@ def _summary(rows):
 
 
 def _rotation_floor(problem, solution):
-    """Return the root mean square of the held-out errors of rotations if there is only noise, deg.
+    """Return the root mean square of held-out errors of rotations that noise alone causes, deg.
 
-    `problem` is the PoseProblem whose folds are the blocks, and `solution` the Fit of all poses.
+    It is the least error that a perfect model can have. `problem` is the PoseProblem whose folds
+    are the blocks, and `solution` the Fit of all poses.
     """
     linearised = problem.joint_fit.linearise(solution, problem.recording)
     noise = linearised.noise.by(problem.joint_fit.noise)
@@ -258,10 +264,11 @@ class Stretch:
 def stretches(recording, block):
     """Return the Stretches of a Recording, a list in order of time.
 
-    A stretch is as long as possible: its moves follow each other without a break and belong to one
-    block. A move belongs to the block of the pose that it starts from. The first and the last rest
-    of a stretch are cut to `SETTLE` seconds. `block` is the number of the block of each of the n
-    poses, (n,).
+    A Stretch is a part of a log from a rest, through moves and rests, to a rest. It is as long as
+    possible: its moves follow each other without a break and belong to one block of poses that are
+    held out together. A move belongs to the block of the pose that it starts from. The first and
+    the last rest of a stretch are cut to `SETTLE` seconds. `recording` is the Recording, and
+    `block` the number of the block of each of its n poses, (n,).
     """
     # poses from which a move starts; a move follows another if it starts where the other ends
     first, poses, result = recording.rotations.first, recording.poses, []
@@ -281,16 +288,19 @@ def stretches(recording, block):
 
 
 def angle(a, b):
-    """Return the angles between vectors a and b, (..., 3) each, rad, (...)."""
+    """Return the angles between vectors a and b, rad, (...).
+
+    `a` and `b` have the shape (..., 3) each.
+    """
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
 
 
 def rotation_errors(turns, f, stretch, u):
     """Return the error of gravity's direction at each rest, predicted by the gyroscope alone.
 
-    The prediction starts from the direction u(t₀) at the last sample of the rest before, and ends
-    at the first sample t of the rest: ``u(t) = C(t)ᵀ C(t₀) u(t₀)``. The attitude C rotates from
-    body axes to the body axes at the start of the stretch.
+    The prediction starts from the direction u(t₀) at the last sample, t₀, of the rest before, and
+    ends at the first sample, t, of the rest: ``u(t) = C(t)ᵀ C(t₀) u(t₀)``. The attitude C(t)
+    rotates from the body axes at t to the body axes at the start of the stretch.
 
     Parameters
     ----------
@@ -317,10 +327,11 @@ def rotation_errors(turns, f, stretch, u):
 def filter_errors(turns, f, stretch, u):
     """Return the error of gravity's direction at each rest by the filter VQF, rad, (p - 1, 2).
 
-    The errors are angles between the direction by the filter and `u`, at the first and at the last
-    sample of each rest but the first. The filter runs over the whole stretch without a magnetometer
-    and with its default parameters, so it also estimates the bias of the gyroscope. The arguments
-    are as in `rotation_errors`.
+    The rests are those of a stretch with p poses, but for the first. The errors are angles between
+    the direction by the filter and `u`, at the first sample of the rest (first column) and at its
+    last sample (second column). The filter runs over the whole stretch without a magnetometer and
+    with its default parameters, so it also estimates the bias of the gyroscope. The arguments are
+    described in `rotation_errors`.
 
     References
     ----------

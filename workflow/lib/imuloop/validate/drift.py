@@ -29,14 +29,14 @@ class Change:
     unit : str
         SI unit of `change`, `measured_std` and `std`. The change of a scale factor is relative.
     change, sigmas : float
-        The change, and its ratio to `std`.
+        The change, in `unit`, and its ratio to `std`.
     measured_std : float
         Standard error of the change by the errors of the old calibration and of the new log.
     std : float
         Standard error of the change that also includes the scatter of a bias between power cycles.
     p_value, p_holm : float
         Probability that a device without drift shows a change of at least this size in this
-        parameter, and the same adjusted by Holm's method for all tested parameters.
+        parameter, and this probability adjusted by Holm's method for all tested parameters.
     drifted : bool
         Whether `p_holm` is below the level of the test, half the `level` of `check_drift`.
     """
@@ -53,7 +53,7 @@ class Change:
 
     @property
     def is_bias(self):
-        """Whether the parameter is a bias."""
+        """Whether the parameter is a bias, or the bias along a direction."""
         return self.name in BIASES or self.name.startswith("b along")
 
 
@@ -192,11 +192,11 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 
 
 def _test(log, turn_on, level):
-    """Return the SensorDrift of each sensor of a NewLog, a dict by name.
+    """Return the SensorDrift of each sensor in a new log, a dict by name.
 
-    `turn_on` has for each sensor the standard deviations of its three biases between power cycles,
-    SI. `level` is the level of each of two families of tests: each parameter by itself, and all
-    parameters of a sensor together.
+    `log` is the NewLog. `turn_on` has for each sensor the standard deviations of its three biases
+    between power cycles, SI. `level` is the level of each of two families of tests: each parameter
+    by itself, and all parameters of a sensor together.
     """
     # each column of the basis is a change that the log determines, as a change of all parameters
     tests = {name: log.testable(name) for name in log.factors.sensors}
@@ -240,15 +240,16 @@ def _test(log, turn_on, level):
 
 
 def _fit_changes(log, basis, turn_on):
-    """Return the changes of the parameters of a NewLog along q directions, and their covariances.
+    """Return the changes of the parameters of a new log along q directions, and their covariances.
 
-    The directions are the columns of `basis`, (p, q), for p parameters. `turn_on` has for each
-    sensor the standard deviations of its three biases between power cycles, SI.
+    `log` is the NewLog. The directions are the columns of `basis`, (p, q), each a change of the p
+    old parameters. `turn_on` has for each sensor the standard deviations of its three biases
+    between power cycles, SI: their scatter.
 
-    Along the q directions, this scatter of the biases adds to the covariance of the changes. It is
-    not part of the covariance S of the residuals there: it would outweigh the noise, because the
-    Jacobian is not quite the same at the old and at the new parameters. In all other directions the
-    scatter is part of S.
+    Along the q directions, this scatter adds to the covariance of the changes. It is not part of
+    the covariance S of the residuals there: it would outweigh the noise, because the Jacobian is
+    not quite the same at the old and at the new parameters. In all other directions the scatter is
+    part of S.
 
     Returns
     -------

@@ -60,9 +60,10 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 
 
 def _new_biases(log, updated):
-    """Return the change of the p parameters of a NewLog, (p,), and their new covariance, (p, p).
+    """Return the change of the p parameters by new biases, (p,), and their new covariance, (p, p).
 
-    The change is zero but for the biases of the sensors `updated`, a list of names.
+    `log` is the NewLog. The change is zero but for the biases of the sensors `updated`, a list of
+    names.
     """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]

@@ -103,18 +103,19 @@ class NewLog:
     def noise(self):
         """Covariance of the n residuals by the noise, (n, n).
 
-        It is enlarged by the reduced χ² of the old calibration of each sensor if this is above one.
+        The covariance of a sensor's residuals is multiplied by the reduced χ² of its old
+        calibration if that is above one.
         """
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.owners])
         return self.unchanged.noise.by(self.noise_model) * np.outer(size, size)
 
     @cached_property
     def unchanged(self):
-        """The residuals with the old parameters and their Jacobian, Linearised."""
+        """Residuals with the old parameters, and their Jacobian, a Linearised."""
         return self.linearised_about(0.0)
 
     def linearised_about(self, change):
-        """Return the residuals with changed parameters and their Jacobian, Linearised.
+        """Return the residuals with changed parameters, and their Jacobian, a Linearised.
 
         `change` is added to the p old parameters: SI values, (p,), or one number for all.
         """
@@ -123,11 +124,18 @@ class NewLog:
         return self.factors.linearised_about(self.recording, replace(old, x=x)).at(x)
 
     def places(self, sensor, names):
-        """Return the indices in the state of the parameters `names` of a sensor, a list."""
+        """Return the indices in the state of the parameters `names` of a sensor, a list.
+
+        `sensor` is the name of the sensor.
+        """
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
     def describe_data(self, sensor):
-        """Return a text on the data for a sensor: numbers of rests, and of attitudes or turns."""
+        """Return a text on the data for a sensor: the number of rests, and of attitudes or turns.
+
+        `sensor` is the name of the sensor. Attitudes are counted for the accelerometer, turns for
+        the gyroscope.
+        """
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
@@ -137,14 +145,15 @@ class NewLog:
         return f"{rests} and {turns} turn(s) between them"
 
     def testable(self, sensor):
-        """Return the parameters of the sensor with a name that its residuals determine, a Testable.
+        """Return the parameters of a sensor that its residuals determine, a Testable.
 
-        Groups of parameters are tried in order: the bias, the scale factors, the misalignments, and
-        each effect. A group is left out if the log does not determine it together with the groups
-        chosen before. The log determines a group if the Jacobian is well conditioned
-        (`LARGEST_CONDITION`), if there are enough residuals, and, but for the first group, if the
-        standard errors are at most `WORST` times the standard errors of the calibration. If no
-        group is determined, the result has the directions of the bias that the log determines.
+        `sensor` is the name of the sensor. Groups of parameters are tried in order: the bias, the
+        scale factors, the misalignments, and each effect. A group is left out if the log does not
+        determine it together with the groups chosen before. The log determines a group if the
+        Jacobian is well conditioned (`LARGEST_CONDITION`), if there are enough residuals, and, but
+        for the first group, if the standard errors are at most `WORST` times the standard errors of
+        the calibration. If no group is determined, the result has the directions of the bias that
+        the log determines.
         """
         (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
@@ -183,11 +192,11 @@ class NewLog:
     def fit_change(self, basis, prior):
         """Return the change of the old parameters along q directions that fits the new log best.
 
-        The directions are the columns of `basis`, (p, q). The residuals are weighted by the inverse
-        of S, their covariance with the old parameters. S has the noise of the new log and the
-        errors of the old parameters, whose covariance is `prior`, (p, p). If the χ² test of the
-        residuals of a sensor after the fit has a p-value below `MISFIT`, the noise of this sensor
-        is enlarged, and the fit is repeated.
+        The directions are the columns of `basis`, (p, q), each a change of the p old parameters.
+        The residuals are weighted by the inverse of S, their covariance with the old parameters. S
+        has the noise of the new log and the errors of the old parameters, whose covariance is
+        `prior`, (p, p). If the χ² test of the residuals of a sensor after the fit has a p-value
+        below `MISFIT`, the noise of this sensor is enlarged, and the fit is repeated.
 
         Returns
         -------
@@ -219,10 +228,11 @@ class NewLog:
         return solution.x, solution.covariance, expected
 
     def sizes(self, sensor, expected):
-        """Return the sizes of a sensor's residuals with the old parameters, a dict by kind.
+        """Return the sizes of a sensor's residuals with the old parameters, a dict by their kind.
 
-        For each kind of residual it has a dict: ``rms``, the root mean square; ``floor``, the root
-        mean square that the covariance `expected`, (n, n), predicts; their SI ``unit``; and the
+        `sensor` is the name of the sensor. For each kind, such as the residuals of turns, the dict
+        has a dict: ``rms``, the root mean square; ``floor``, the root mean square that the
+        covariance `expected`, (n, n), of all n residuals predicts; their SI ``unit``; and the
         number ``n`` of residuals of this kind.
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
@@ -236,10 +246,10 @@ class NewLog:
 
 
 def _errors(whitened):
-    """Return the standard errors of q parameters, (q,), all nan if the data do not determine them.
+    """Return the standard errors of q parameters, (q,), all nan if the data determine too little.
 
     `whitened`, (n, q), is the Jacobian of n residuals with independent noise of variance 1. The
-    parameters count as not determined if its condition number is above `LARGEST_CONDITION`.
+    data determine too little if its condition number is above `LARGEST_CONDITION`.
     """
     size = np.linalg.norm(whitened, axis=0)
     if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
@@ -248,10 +258,11 @@ def _errors(whitened):
 
 
 def _determined_directions(whitened):
-    """Return the d directions of a bias that residuals determine, unit vectors, (d, 3), d ≤ 3.
+    """Return the directions along which residuals determine a bias, unit vectors, (d, 3).
 
-    `whitened`, (n, 3), is the Jacobian of n residuals with respect to the bias, scaled so that
-    their noise is independent with variance 1. The largest component of each direction is positive.
+    There are d directions, at most three. `whitened`, (n, 3), is the Jacobian of n residuals with
+    respect to the bias, scaled so that their noise is independent with variance 1. The largest
+    component of each direction is positive.
     """
     _, size, axes = np.linalg.svd(whitened)
     axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
