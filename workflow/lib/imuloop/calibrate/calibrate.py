@@ -195,7 +195,7 @@ def contradictions(joint, solution, recording):
     The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, where r are the n residuals of the sensor after the
     fit, J is their Jacobian, and P₀ the covariance of the prior. The trace is the expected value of
     |r|² before the fit. For the accelerometer q is the quantile of χ²(n) that is exceeded with the
-    probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n). The limit is lower, because
+    probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n). This limit is lower, because
     little is lost without the fit of a gyroscope: its bias is still measured at rest.
 
     Parameters
@@ -265,7 +265,10 @@ def calibrate_device(
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
 
     def calibrate(recording, turns=None):
-        """Return the calibrations, by sensor, from a Recording and optional KnownTurns."""
+        """Return the calibrations, a dict by sensor, from a Recording and optional KnownTurns.
+
+        `recording` is the Recording, and `turns` are the KnownTurns or None.
+        """
         return calibrate_sensors(recording, model, gravity, units, settings, prior, turns)
 
     multi, six, turned = (read_recording(sessions, settings.longest_rotation, k) for k in GROUPS)

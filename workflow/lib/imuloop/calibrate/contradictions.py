@@ -116,7 +116,7 @@ def fit_gravity_norm(f):
     n, prior, start = len(f), np.eye(9) / LOOSE, NOMINAL[:9]
 
     def linearise(x):
-        """Return the errors of the norm, (n,), and their Jacobian, (n, 9), at the parameters x."""
+        """Return the errors of the norm, (n,), and their Jacobian, (n, 9), at parameters `x`."""
         sensor = State(np.append(x, NOMINAL[9:])).sensor("accelerometer")
         rows = gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
         return rows.residual, rows.jacobian[:, 0]
@@ -187,7 +187,7 @@ def odd_turns(recording):
     - `TURN`;
     - `TIMES` the median of all errors;
     - `TIMES` the standard deviation that undersampling, missing samples, jitter and the uncertain
-    direction of gravity give this error.
+      direction of gravity give this error.
 
     The mask is false everywhere if there are fewer than `FEWEST` rotations, or if the number of odd
     rotations is above one and above `SHARE` times m.

@@ -46,7 +46,7 @@ def errors_of_time(t, w, begin, last, bias, variance):
         axes, rad².
     accurate : ndarray of bool, shape (m,)
         Whether a rotation can be used: the standard deviation of its angle by all gaps is at most
-        the standard deviation by the noise of the gyroscope, or `LARGEST_ERROR` of the angle.
+        the standard deviation by the noise of the gyroscope, or `LARGEST_ERROR` times the angle.
     longest : ndarray of int, shape (m,)
         Largest number of samples dropped in a row.
     """

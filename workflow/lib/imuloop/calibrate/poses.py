@@ -143,7 +143,7 @@ def gather_poses(segments):
     share = of_pose * n / (of_pose @ n)[:, None]
 
     def mean_powers(names, power=1):
-        """Return the means of c columns `names`, to a power, over each of n poses, (n, c)."""
+        """Return the means of c columns `names`, to the `power`, over each of n poses, (n, c)."""
         return share @ np.column_stack([column(name) ** power for name in names])
 
     return Poses(
@@ -206,7 +206,8 @@ def rounding_variance(samples, variance):
 def add_rounding(poses, logs):
     """Add the variance of the means by rounding to the `extra_variance` of Poses, in place.
 
-    `logs` has the Log of each session. Each channel of a log has its own rounding step.
+    `poses` are the Poses, and `logs` has the Log of each session. Each channel of a log has its own
+    rounding step: the distance between the values that its number format can have.
     """
     for session in np.unique(poses.session):
         rows, log = poses.session == session, logs[session]

@@ -30,13 +30,13 @@ from imuloop.model.effect import Channels, LoggedChannels
 
 
 def identity(values):
-    """Return the argument itself."""
+    """Return `values` unchanged: the default where a conversion of values may be given."""
     return values
 
 
 @dataclass(frozen=True)
 class Log:
-    """The whole log of a session, N samples."""
+    """The whole log of a session, N samples: both sensors in nominal SI, and the temperature."""
 
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): specific force, m/s^2, nominal SI
@@ -245,7 +245,10 @@ class Recording:
 
         @cache
         def history(function, *constants):
-            """Return the values of a function of the whole log at the points of the Channels."""
+            """Return the values of `function` of the whole log at the points of the Channels.
+
+            `constants` are its arguments after the Channels.
+            """
             by_session = {}
             for session in set(self.poses.session.tolist()):
                 channels = self.logs[session].channels(sensor, output, align_other)

@@ -104,7 +104,7 @@ def _fit_round(windows, noise, prior, start):
     jacobian = slope / size[:, None]
 
     def white(x):
-        """Return n residuals and p parameters x, over their standard deviations, (n + p,)."""
+        """Return n residuals and p parameters `x`, over their standard deviations, (n + p,)."""
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
     x = least_squares(white, start, lambda x: jacobian, method="lm", x_scale="jac").x

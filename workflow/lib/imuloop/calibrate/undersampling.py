@@ -137,7 +137,7 @@ def _fit_power_law(energy, noise, n):
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def fit_sizes(p):
-        """Return the sizes at the exponent p, (m, 1), and the negative log-likelihood."""
+        """Return the sizes a f_s⁻ᵖ at the exponent `p`, (m, 1), and the negative log-likelihood."""
         spectrum = zeta(p, x) + zeta(p, 1 - x)
         size = np.zeros((len(n), 1))
         # weighted least squares, with weights by the result of the step before
@@ -170,7 +170,7 @@ def _shares_of_parts(turn):
 
 
 def outer_products(vectors):
-    """Return the matrices v vᵀ, (n, 3, 3), of vectors v, (n, 3)."""
+    """Return the matrices v vᵀ, (n, 3, 3), of the vectors v, `vectors`, (n, 3)."""
     return vectors[:, :, None] * vectors[:, None, :]
 
 

@@ -17,7 +17,7 @@ _INSTANT = 1e-6
 
 
 def usual_step(t):
-    """Return the median time step, s, of n times, s, (n,)."""
+    """Return the median time step, s, of the n times `t`, s, (n,)."""
     return float(np.median(np.diff(t)))
 
 

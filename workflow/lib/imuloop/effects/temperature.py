@@ -34,12 +34,18 @@ def temperature(channels):
 
 
 def whole_degrees(channels):
-    """Return the mean temperature of Channels in whole degrees, degC, for use as a reference."""
+    """Return the mean temperature, rounded to whole degrees, degC, for use as a reference.
+
+    `channels` are the Channels that have the temperature.
+    """
     return float(np.round(temperature(channels).mean()))
 
 
 def span(channels):
-    """Return the largest temperature of Channels minus the smallest, K; zero if none was logged."""
+    """Return the largest temperature minus the smallest, K; zero if none was logged.
+
+    `channels` are the Channels that may have a temperature.
+    """
     return float(np.ptp(temperature(channels))) if _has_temperature(channels) else 0.0
 
 

@@ -77,7 +77,10 @@ def of_calibrated(sensor, densities):
     M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
 
     def through(values):
-        """Return the values for calibrated samples, a list, from the values as logged."""
+        """Return the coefficients of calibrated samples, a list.
+
+        `values` are the coefficients of the samples as logged.
+        """
         return np.sqrt(M**2 @ np.square(values)).tolist()
 
     values = through([d.value for d in densities])

@@ -26,14 +26,17 @@ TEMPLATES = resources.files("imuloop") / "templates/export"
 
 
 class ExportFormat(NamedTuple):
-    """A file for another tool; its template is ``templates/export/<file>.j2``."""
+    """A format of exports: a file for another tool, written by a template.
+
+    The template is ``templates/export/<file>.j2``.
+    """
 
     file: str
     title: str  # the tool
     needs: tuple[str, ...]  # parts that the file needs, by their names in `reasons`
 
     def text(self, exported):
-        """Return the text of the file for an `Exported`.
+        """Return the text of the file for the device of `exported`, an `Exported`.
 
         Raises Lacking if the device lacks a part that the file needs.
         """

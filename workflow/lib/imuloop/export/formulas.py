@@ -69,12 +69,14 @@ def imu_sensor(sensor):
     imuSensor computes ``reading = M u + ConstantBias + (θ - 25) TemperatureBias + noise`` with M =
     AxesMisalignment/100 and the temperature θ in degC. u is the true angular rate, or gravity less
     acceleration, which is minus the specific force; so the bias of the accelerometer changes its
-    sign. The model of this project is x = T (K (raw - b) - e). By it the logged SI value is
-    ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI.
+    sign. The model of this project is x = T (K (raw - b) - e), with misalignment T, scale factors
+    K, biases b and effects e. By it the logged SI value is ``z = (unit/K) (T⁻¹ x + e) + b`` with b
+    in SI and unit, the nominal scale of the raw unit.
 
-    The keys are ``bias`` (ConstantBias), ``misalignment`` (AxesMisalignment), ``slope``
-    (TemperatureBias), the slope of e at the reference temperature of the effect, and ``curvature``,
-    (2, 3), the terms of e in θ² and θ³, which imuSensor does not take.
+    `sensor` is the dict of the sensor's values. The keys of the result are ``bias`` (ConstantBias),
+    ``misalignment`` (AxesMisalignment), ``slope`` (TemperatureBias), the slope of e at the
+    reference temperature of the effect, and ``curvature``, (2, 3), the terms of e in θ² and θ³
+    (rows) for each axis, which imuSensor does not take.
     """
     scale, bias = sensor["scale"], sensor["offset"]
     sign = -1.0 if sensor["name"] == "accelerometer" else 1.0

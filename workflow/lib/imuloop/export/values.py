@@ -36,7 +36,7 @@ class Exported:
     sensors: tuple[str, ...] = tuple(SENSORS)  # the sensors that the logs hold
 
     def sensor(self, name):
-        """Return the `SensorCalibration` of the sensor `name`, ``accelerometer`` or ``gyroscope``."""
+        """Return the `SensorCalibration` of the sensor `name`, such as ``accelerometer``."""
         return getattr(self.calibration, name)
 
 
@@ -93,10 +93,11 @@ def values(exported):
 
 
 def sensor_values(exported, name):
-    """Return the values of the sensor `name` of an Exported for the templates, a dict by key.
+    """Return the values of one sensor of a device for the templates, a dict by key.
 
-    z is the raw value in nominal SI: raw readings with the offset and scale of the data sheet. Keys
-    that need an explanation:
+    `exported` is the Exported of the device, and `name` the name of the sensor. z is the raw value
+    in nominal SI: raw readings with the offset and scale of the data sheet. Keys that need an
+    explanation:
 
     - ``scale``, near 1, and ``offset``, SI, (3,) each: ``K (raw - b) = scale (z - offset)``.
     - ``temperatures``: range of the temperatures that ``bias_temperature`` was fitted to, degC, or

@@ -39,10 +39,11 @@ class Estimates:
 
 
 def estimates_of_calibrations(calibrations):
-    """Return the misalignments, scale factor errors and biases of n Calibrations.
+    """Return the misalignments, scale factor errors and biases of n devices, a list of Estimates.
 
-    The result is a list with one Estimates per parameter. The values are in nominal SI. A scale
-    factor error is the scale factor over the nominal one of the data sheet, minus 1.
+    There is one Estimates for each parameter. `calibrations` are the Calibrations of the devices.
+    The values are in nominal SI. A scale factor error is the scale factor over the nominal one of
+    the data sheet, minus 1.
     """
     # sensor, name and unit of each parameter without effects
     names, values, std = parameters(), [], []
@@ -62,10 +63,10 @@ def estimates_of_calibrations(calibrations):
 
 
 def estimates_of_noise(noises):
-    """Return the white noise N, flicker B and random walk K of n NoiseModels.
+    """Return the white noise N, flicker B and random walk K of n devices, a list of Estimates.
 
-    The result is a list with one Estimates per coefficient and axis, whose values are natural
-    logarithms.
+    There is one Estimates for each coefficient and axis; its values are natural logarithms.
+    `noises` are the NoiseModels of the devices.
     """
     estimates = []
     for sensor, channels in SENSORS.items():

@@ -64,9 +64,10 @@ def read_prior(sheet, file, device, sessions, type=None):
 def of_calibration(prior, calibration, source):
     """Return the Prior of a device by its Calibration from earlier logs.
 
-    The misalignments, scale factors and biases that the calibration estimated have the mean and the
-    covariance of this estimate. All others keep the values of `prior`, a Prior. The variance of a
-    bias includes the scatter between power cycles. `source` is the name of the file.
+    The misalignments, scale factors and biases that `calibration`, the Calibration, estimated have
+    the mean and the covariance of this estimate. All others keep the values of `prior`, a Prior.
+    The variance of a bias includes the scatter between power cycles. `source` is the name of the
+    calibration's file.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")

@@ -114,12 +114,15 @@ def spread_interval(y, squares):
     least = np.finfo(float).eps * total
 
     def excess(variance, quantile):
-        """Return Q at the variance τ², minus a quantile of χ²."""
+        """Return Q at τ² = `variance`, minus a `quantile` of χ²."""
         w = 1 / (variance + squares)
         return (w * (y - w @ y / w.sum()) ** 2).sum() - quantile
 
     def crossing(level):
-        """Return the τ² at which Q is the quantile of χ² at a level; 0 if Q is always below it."""
+        """Return the τ² at which Q is the quantile of χ² with the probability `level`.
+
+        The result is 0 if Q is below this quantile even at τ² = 0.
+        """
         quantile = 2 * gammaincinv((len(y) - 1) / 2, level)
         if excess(least, quantile) <= 0:
             return 0.0

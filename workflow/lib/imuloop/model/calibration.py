@@ -284,10 +284,10 @@ class Calibration:
         """
 
         def apply_sensor(sensor, values, other, clamped):
-            """Return the calibrated values of a sensor, (n, 3).
+            """Return the calibrated values of `sensor`, a SensorCalibration, (n, 3).
 
             `values` are its values in nominal SI, and `other` the values of the other sensor, (n,
-            3) each.
+            3) each. `clamped` is the dict to fill for this sensor, or None.
             """
             output = sensor.output(values)
             channels = Channels(t, output, other, temperature, clamped=clamped)

@@ -45,7 +45,10 @@ class Channels:
         """
 
         def history(function, *constants):
-            """Return the values of a function of the whole log at the m points, (m, …)."""
+            """Return the values of `function` of the whole log at the m points, (m, …).
+
+            `constants` are its arguments after the Channels.
+            """
             return change(self.evaluate(function, *constants))
 
         return Channels(

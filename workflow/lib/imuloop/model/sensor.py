@@ -102,7 +102,8 @@ class Sensor:
         def sum_products(values):
             """Return the sums over samples of A_ri v_j, (m, a, 3, 3), for vectors v, (m, k, 3).
 
-            The axes of the result are: sum, component r of A x, axis i of A, axis j of v.
+            `values` are the v, one for each sample. The axes of the result are: sum, component r of
+            A x, axis i of A, axis j of v.
             """
             return (flat @ values).reshape(m, a, 3, 3)
 

@@ -219,7 +219,10 @@ def simulate_steps(steps, now, calibration, recording):
     rates = (1 - np.cos(2 * np.pi * _SHARE)) * turns / move_s[:, None, None]
 
     def to_nominal(sensor, values):
-        """Return the values, nominal SI, that a sensor logs for the true `values`, SI, (..., 3)."""
+        """Return the nominal SI values that the sensor with the name `sensor` logs, (..., 3).
+
+        `values`, (..., 3), are the true values, SI.
+        """
         model = getattr(calibration, sensor)
         return model.raw_unit.to_si(values @ np.linalg.inv(model.T).T / model.K + model.b)
 

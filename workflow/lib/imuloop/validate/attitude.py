@@ -330,8 +330,8 @@ def filter_errors(turns, f, stretch, u):
     The rests are those of a stretch with p poses, but for the first. The errors are angles between
     the direction by the filter and `u`, at the first sample of the rest (first column) and at its
     last sample (second column). The filter runs over the whole stretch without a magnetometer and
-    with its default parameters, so it also estimates the bias of the gyroscope. The arguments are
-    described in `rotation_errors`.
+    with its default parameters, so it also estimates the bias of the gyroscope. The arguments
+    `turns`, `f`, `stretch` and `u` are described in `rotation_errors`.
 
     References
     ----------

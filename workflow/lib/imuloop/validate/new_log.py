@@ -209,7 +209,10 @@ class NewLog:
         """
 
         def linearise(change):
-            """Return residuals, and their derivative with respect to the change, (q,)."""
+            """Return residuals, and their derivative with respect to the change along q directions.
+
+            `change`, (q,), is the change at which they are computed.
+            """
             factors = self.linearised_about(basis @ change)
             return SimpleNamespace(residual=factors.residual, jacobian=factors.jacobian @ basis)
 
