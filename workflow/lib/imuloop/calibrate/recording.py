@@ -94,7 +94,7 @@ class Recording:
 
     @cached_property
     def means(self):
-        """Covariances of the means of the noise over poses and parts of rotations, ChannelMeans."""
+        """ChannelMeans of the recording: covariances of the mean noise over poses and rotations."""
         return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):

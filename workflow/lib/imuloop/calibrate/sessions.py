@@ -111,7 +111,7 @@ def first_log(sessions):
     """
 
     def order(session):
-        """Return the sort key of a `session`: whether it lacks samples, then the index of its kind."""
+        """Return the sort key of a `session`: whether it lacks samples, then its kind's index."""
         return not len(Samples(session["samples"])), KINDS.index(session["kind"])
 
     return read_metadata(min(sessions.values(), key=order)["samples"])

@@ -87,8 +87,8 @@ def _clamped(fitted, name, expression):
 
 
 def _warmer(fitted):
-    """Return a C expression: the temperature minus the reference temperature of an effect.
+    """Return a C expression of how much warmer it is than the reference of an effect, K.
 
-    `fitted` is the FittedEffect.
+    `fitted` is the FittedEffect, which has the reference temperature.
     """
     return f"(temperature - {number(fitted.effect.reference_temperature)})"

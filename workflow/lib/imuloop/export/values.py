@@ -103,7 +103,8 @@ def sensor_values(exported, name):
     - ``temperatures``: range of the temperatures that ``bias_temperature`` was fitted to, degC, or
       the range of the logs if that is unknown.
     - ``logged`` and ``calibrated``: for each coefficient, the `Density` of each axis.
-    - ``worst`` and ``worst_logged``: the largest N and K of the axes, raised for a filter.
+    - ``worst`` and ``worst_logged``: the largest N (white noise) and K (random walk) of the axes,
+      raised so that a filter with them never assumes too little noise.
     - ``Tg``, (3, 3): Tg times the specific force on body axes is the rate that the force adds to z.
     - ``effects``, ``bias_temperature`` and ``g_sensitivity``: lists of `FittedEffect`.
     """

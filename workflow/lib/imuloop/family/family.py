@@ -47,10 +47,11 @@ def read_member(folder):
 
 
 def tried_effects(diagnosis):
-    """Return the p-value of each effect that a diagnosis tested, and whether it was added.
+    """Return the p-value of each effect that a diagnosis tested, and whether the effect was added.
 
-    `diagnosis` is the content of diagnosis.json. The keys of the result are tuples: sensor, kind of
-    data (static, poses or reference), and name of the effect. The values are (p-value, bool).
+    An added effect is part of the device's calibration. `diagnosis` is the content of
+    diagnosis.json. The result is a dict. Its keys are tuples: sensor, kind of data (static, poses
+    or reference), and name of the effect. Its values are (p-value, bool).
     """
     return {
         (sensor, record, entry["name"]): (entry["p_value"], entry["status"] == "added")
@@ -136,11 +137,12 @@ def compare_parameter(estimates, members):
 def effects(members):
     """Return the entries of family.json on effects, a list of dict, the smallest p-value first.
 
-    `members` are the Members of a type. There is an entry for each effect that at least `LEAST`
-    devices tested. The null hypothesis is that fewer than half of these devices have the effect.
-    Its p-value is Fisher's combination of the larger half of the p-values of the devices (partial
-    conjunction), adjusted for all effects by Holm's method. So one device cannot show an effect of
-    the type, but all devices together can show an effect that none of them shows by itself.
+    An effect is an error of a sensor, such as a drift of its bias. `members` are the Members of a
+    type. There is an entry for each effect that at least `LEAST` devices tested. The null
+    hypothesis is that fewer than half of these devices have the effect. Its p-value is Fisher's
+    combination of the larger half of the p-values of the devices (partial conjunction), adjusted
+    for all effects by Holm's method. So one device cannot show an effect of the type, but all
+    devices together can show an effect that none of them shows by itself.
 
     References
     ----------

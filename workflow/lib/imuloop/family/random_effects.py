@@ -30,8 +30,9 @@ _ENDS = (0.975, 0.025)
 class RandomEffects:
     """The fits of m models ``y_i ~ N(μ, τ² + s_i²)`` to the values y_i of devices.
 
-    Each model is fitted to its own choice of the devices. s_i is the known standard error of a
-    value. All fields have the shape (m,).
+    μ is the mean of the devices, τ the standard deviation between them, and s_i the known standard
+    error of a value. Each model is fitted to its own choice of the devices. All fields have the
+    shape (m,).
     """
 
     mean: np.ndarray  # μ

@@ -23,12 +23,12 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
     sensor : str
         Name of the sensor.
     unit : RawUnit
-        The raw unit of its log.
+        The raw unit of the sensor in the log.
     x : ndarray, shape (p,)
         The p parameters, nominal SI: the off-diagonal elements of T, then K, b and the parameters
         of the effects.
     covariance : ndarray, shape (p, p)
-        Their covariance.
+        Covariance of the parameters x.
     effects : sequence of Effect, optional
         The effects of the sensor.
     prior : Prior, optional

@@ -105,7 +105,7 @@ class SensorCalibration:
 
     @property
     def std(self):
-        """Standard errors of the estimated parameters, in their units, a dict by name."""
+        """Standard errors of the estimated parameters, in the units of these, a dict by name."""
         if not self.names:
             return {}
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
@@ -171,7 +171,7 @@ class SensorCalibration:
         return {name: size for name, size in sizes.items() if size > FAR_OFF}
 
     def to_dict(self):
-        """Return the entry of this sensor in a JSON file, a dict."""
+        """Return the entry of this sensor in the JSON file of a calibration, a dict."""
         covariance = np.zeros((0, 0)) if self.covariance is None else self.covariance
         return {
             "raw_unit": self.raw_unit.name,

@@ -13,7 +13,8 @@ LEANS = 0.35
 def largest_hole(directions):
     """Return the direction farthest from n given ones, (3,), and its angle to the nearest, rad.
 
-    `directions` are the n given directions, unit vectors, (n, 3).
+    It is the middle of the largest hole that the given directions leave on the sphere. `directions`
+    are the n given directions, unit vectors, (n, 3).
     """
     # directions about 4 degrees apart
     grid = fibonacci_lattice(2000)

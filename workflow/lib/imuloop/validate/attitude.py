@@ -37,11 +37,13 @@ COLUMNS |= {"t_s": float, "after_s": float, "at": object, "error_deg": float}
 def validate_attitude(device, diagnosed, settings):
     """Return the errors of gravity's direction on held-out stretches, by the models of a device.
 
-    A stretch is a part of a log from a rest, through moves and rests, to a rest. The true direction
-    of gravity at a rest is taken as the mean specific force, calibrated by the final model that was
-    fitted without this rest. Two methods predict the direction at the rests of a stretch: the
-    gyroscope alone, from the true direction at the rest before; and a filter, from specific force
-    and angular rate. Both use values that a model calibrates, and the models are compared.
+    A stretch is a part of a log from a rest, through moves and rests, to a rest. The models are
+    calibrations that were not fitted to it: ``raw`` has the nominal scale only, ``base`` has bias,
+    scale factors and misalignments, and ``final`` has effects, too. The true direction of gravity
+    at a rest is taken as the mean specific force, calibrated by the final model. Two methods
+    predict the direction at the rests of a stretch: the gyroscope alone, from the true direction at
+    the rest before; and a filter, from specific force and angular rate. Both use values that a
+    model calibrates, so their errors compare the models.
 
     Parameters
     ----------
@@ -153,11 +155,11 @@ def held_out_models(diagnosed, problem):
 def _errors(recording, block, models, names):
     """Return the errors of gravity's direction, a row per stretch, method, model, rest and moment.
 
-    The result is a DataFrame with the `COLUMNS`. The moment is the arrival at the rest or the
-    departure from it. A stretch lies within one block, and the models were fitted without this
-    block. `block` is the number of the block of each of the n poses of the Recording `recording`,
-    (n,). `models` has for each block a dict of Calibration by the name of the model. `names` are
-    the names of the sessions.
+    The result is a DataFrame with the `COLUMNS`. A stretch is a part of a log from a rest to a
+    rest; it lies within one block of poses, and the models were fitted without this block. The
+    moment is the arrival at a rest or the departure from it. `block` is the number of the block of
+    each of the n poses of the Recording `recording`, (n,). `models` has for each block a dict of
+    Calibration by the name of the model. `names` are the names of the sessions.
     """
     tables, calibrated_log = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -249,9 +251,9 @@ def _rotation_floor(problem, solution):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of a log from a rest, through rotations and rests, to a rest.
+    """A stretch: a part of a log from a rest, through rotations and rests, to a rest.
 
-    It has p poses and k samples.
+    It has p poses (the rests) and k samples.
     """
 
     poses: np.ndarray  # (p,): indices of its poses

@@ -68,7 +68,7 @@ class SensorDrift:
     changes : tuple of Change
         The changes that were tested, the smallest p-value first.
     untested, why : tuple of str, str or None
-        The parameters that were not tested, and the reason.
+        The parameters that were not tested, and the reason; None if all were tested.
     chi2, dof, p_holm : float, int, float
         The joint χ² test of all changes: χ², its degrees of freedom, and the p-value, adjusted by
         Holm's method for both sensors.
@@ -116,7 +116,7 @@ class Drift:
         return bool(changed) and all(change.is_bias for change in changed)
 
     def to_dict(self):
-        """Return the content of the JSON file, a dict."""
+        """Return the test and its results as the content of a JSON file, a dict."""
         result = {"drifted": self.drifted, "bias_only": self.bias_only}
         return {"format": 1, **result, **asdict(self)}
 

@@ -41,7 +41,8 @@ class Testable:
     names, units : tuple of str
         Name and SI unit of each direction.
     untested, why : tuple of str, str or None
-        Names of the parameters that the log does not determine, and the reason.
+        Names of the parameters that the log does not determine, and the reason; None if it
+        determines all.
     """
 
     basis: np.ndarray
@@ -75,7 +76,8 @@ class NewLog:
     untestable : dict of str to str
         For each sensor without residuals, the reason.
     noise_model : NoiseModel
-        The argument `noise`; the attribute `noise` is the covariance of the residuals.
+        The argument `noise`. The attribute `noise` is something else: the covariance of the
+        residuals.
     factors : Factors
         The factors that give the residuals of the sensors that are not in `untestable`.
     kinds, owners : ndarray of str, shape (n,)
