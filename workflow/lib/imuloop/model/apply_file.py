@@ -49,8 +49,8 @@ def apply_file(calibration, source, target, shift=0.0):
     -------
     dict
         Number of samples at which an effect was clamped, by (sensor, effect), both names. At these
-        samples the factor that the effect multiplies, such as the temperature, is outside its range
-        in the data of the fit. Effects that were never clamped are left out.
+        samples the input of the effect, such as the temperature, is outside its range in the data
+        of the fit. Effects that were never clamped are left out.
 
     Raises
     ------

@@ -253,8 +253,8 @@ class Calibration:
         -------
         dict
             Number of samples at which an effect was clamped, by (sensor, effect), both names. At
-            these samples the factor that the effect multiplies, such as the temperature, is outside
-            its range in the data of the fit. Effects that were never clamped are left out.
+            these samples the input of the effect, such as the temperature, is outside its range in
+            the data of the fit. Effects that were never clamped are left out.
         """
         if not nominal:
             self.refuse_nominal()

@@ -53,6 +53,8 @@ class Step:
     def turn(self, now):
         """Return the rotation that the device makes in this step, with its start and duration.
 
+        For a rest in another attitude it is the shortest turn that leads there.
+
         Parameters
         ----------
         now : ndarray, shape (3,)
