@@ -21,7 +21,7 @@ from imuloop.export.export import reference_parameters
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop apply`` to `command`, its argparse parser."""
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
     command.add_argument(
         "log", type=Log.parse, help=f"log of the same device, in the same units: {LOG}"
@@ -43,7 +43,7 @@ def add(command):
 
 
 def run(arguments):
-    """Write the calibrated samples of a log."""
+    """Write the calibrated samples of a log; `arguments` are those that `add` declares, parsed."""
     path, log, output = arguments.calibration, arguments.log, arguments.output
     refuse_swapped(path, log)
     calibration = Calibration.from_json(path)
@@ -74,9 +74,10 @@ def run(arguments):
 
 
 def offset_in_time(calibration):
-    """Return the offset of the gyroscope's stamps, s, by a reference; 0 if there is none.
+    """Return the offset of the gyroscope's time stamps from a reference's clock, s; 0 without one.
 
-    `calibration` is the path of calibration.json; the offset is in the diagnosis.json next to it.
+    A positive offset is added to the stamps to get the time of the reference. `calibration` is the
+    path of calibration.json; the offset is in the diagnosis.json next to it.
     """
     diagnosis = calibration.with_name("diagnosis.json")
     if not diagnosis.is_file():

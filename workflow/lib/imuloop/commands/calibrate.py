@@ -22,13 +22,16 @@ from imuloop.core.files import refuse_overwriting
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop calibrate`` to `command`, its argparse parser."""
     add_logs(command)
     command.add_argument("-o", "--output", type=Path, required=True, help="folder of the results")
 
 
 def add_logs(command):
-    """Add the logs of a device, and the options that stand for its config."""
+    """Add arguments for the logs of a device, and the options that stand for its config.
+
+    `command` is the argparse parser of the command.
+    """
     command.add_argument(
         "logs",
         nargs="+",
@@ -48,16 +51,20 @@ def add_logs(command):
 
 
 def _read_log(text):
-    """Return kind and Log of an argument such as ``static=night.csv``.
+    """Return kind of session and Log of an argument such as ``static=night.csv``, a tuple.
 
-    Without a kind it is the first of `KINDS`.
+    `text` is the argument. Without a kind it is the first of `KINDS`, multi_position.
     """
     kind, _, rest = text.partition("=")
     return (kind, Log.parse(rest)) if kind in KINDS and rest else (KINDS[0], Log.parse(text))
 
 
 def run(arguments):
-    """Write the results of one device; raise an ImuloopError if nothing was measured."""
+    """Write the results of one device; raise an ImuloopError if nothing was measured.
+
+    An ImuloopError is also raised, after the results are written, if a log was rejected.
+    `arguments` are those that `add` declares, parsed.
+    """
     folder = arguments.output
     refuse_paths(arguments, folder)
     result = calibrated(arguments)
@@ -71,7 +78,7 @@ def run(arguments):
 
 
 def refuse_failures(result):
-    """Raise an ImuloopError that names the rejected logs of a Result, if it has any."""
+    """Raise an ImuloopError that names the rejected logs of a Result, `result`, if it has any."""
     if result.failures:
         raise ImuloopError("; ".join(result.failures))
 
@@ -79,7 +86,8 @@ def refuse_failures(result):
 def refuse_paths(arguments, folder, *pages):
     """Raise an ImuloopError if a log is missing, or if the results would overwrite other files.
 
-    `folder` is the folder of the results or None, and `pages` are other files that are written.
+    `arguments` are those that `add_logs` declares, parsed. `folder` is the folder of the results or
+    None, and `pages` are other files that will be written.
     """
     for _, log in arguments.logs:
         log.refuse_no_log()
@@ -90,7 +98,10 @@ def refuse_paths(arguments, folder, *pages):
 
 
 def calibrated(arguments):
-    """Return the Result of all stages, in a temporary folder, on the logs in the arguments."""
+    """Return the Result of all stages for the logs on the command line, in a temporary folder.
+
+    `arguments` are those that `add_logs` declares, parsed.
+    """
     logs = {kind: [] for kind in KINDS}
     for kind, log in arguments.logs:
         if path := log.samples_path():

@@ -40,7 +40,7 @@ DRIFTED = 3
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop check`` to `command`, its argparse parser."""
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
     command.add_argument("log", type=Log.parse, help=f"new log of the same device: {LOG}")
     command.add_argument(
@@ -60,7 +60,11 @@ def add(command):
 
 
 def run(arguments):
-    """Test a calibration on a log, and update its biases if asked; return the exit status."""
+    """Test a calibration on a new log, and update its biases if asked; return the exit status.
+
+    The status is `DRIFTED` if the device has drifted, else 0. `arguments` are those that `add`
+    declares, parsed.
+    """
     path, log, output = arguments.calibration, arguments.log, arguments.output
     if arguments.update != bool(output):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
@@ -113,7 +117,10 @@ def run(arguments):
 
 
 def read_noise(path):
-    """Return the NoiseModel in a file; raise an ImuloopError if the file does not hold one."""
+    """Return the NoiseModel in the file at `path`, a noise.json.
+
+    Raises an ImuloopError if the file does not hold a noise model.
+    """
     try:
         return NoiseModel.from_json(path)
     except (KeyError, TypeError, ValueError) as error:
@@ -121,7 +128,7 @@ def read_noise(path):
 
 
 def lines(drift):
-    """Return the result of a drift test, a Drift, as lines of text, a list."""
+    """Return the result of a test for drift as lines of text, a list; `drift` is the Drift."""
     text = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:
@@ -156,9 +163,10 @@ def lines(drift):
 
 
 def update_lines(updated, kept):
-    """Return lines of text on the biases after an update, in raw units, a list.
+    """Return lines of text on the biases of both sensors after an update, in raw units, a list.
 
-    `updated` is the updated Calibration. `kept` has the reason for each sensor whose bias is kept.
+    `updated` is the updated Calibration. `kept` is a dict by sensor: the reason, for each sensor
+    whose bias was not updated.
     """
     text = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
@@ -169,9 +177,10 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return words on whether a Change is drift; for a bias they name the change that is allowed.
+    """Return words on whether the change of a parameter is drift; empty for small changes.
 
-    `sensor` is the SensorDrift with this Change.
+    For a bias the words name the change that is allowed. `change` is the Change of the parameter,
+    and `sensor` the SensorDrift that contains it.
     """
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""

@@ -33,7 +33,7 @@ EARLY = 3
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop coach`` to `command`, its argparse parser."""
     command.add_argument(
         "log", type=Log.parse, help="multi_position log that grows, or - for stdin"
     )
@@ -58,7 +58,10 @@ def add(command):
 
 
 def run(arguments):
-    """Follow a log until it is done or ends; return the exit status."""
+    """Follow a log until every parameter is good enough or the log ends; return the exit status.
+
+    `arguments` are those that `add` declares, parsed.
+    """
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         log = arguments.log
         if str(log) == "-":
@@ -73,16 +76,17 @@ def run(arguments):
 
 
 def _copy(source, target):
-    """Copy a binary stream into a file until the stream ends, without buffering."""
+    """Copy a binary stream, `source`, into a file, `target`, until it ends, without buffering."""
     with open(target, "wb", buffering=0) as file:
         shutil.copyfileobj(source, file, 1 << 12)
 
 
 def follow(log, arguments, folder):
-    """Print the errors of the parameters by a growing log, and the next step, until it ends.
+    """Print the errors of the parameters by a log that grows, and the next step, until it ends.
 
-    `log` is the Log, `arguments` are the arguments of the command, and `folder` is a folder for the
-    samples. Returns the exit status.
+    `log` is the Log, `arguments` are the arguments of the command, parsed, and `folder` is a folder
+    for the samples. Returns the exit status: 0 when every parameter is good enough, `EARLY` if the
+    log stops growing before. Raises an ImuloopError if the log cannot be used.
     """
     size, said, noise, why = -1, None, None, ""
     gravity = known_figures(arguments.declared)["gravity"]
@@ -116,7 +120,7 @@ def follow(log, arguments, folder):
 
 
 def line(state):
-    """Return a Progress, `state`, as a line of text."""
+    """Return the state of a recording as a line of text; `state` is a Progress."""
     errors = [f"{s} {number(100 * x, 2)} %" for s, x in state.worst.items() if np.isfinite(x)]
     text = f"{state.duration_s / 60:.1f} min, {plural(len(state.up), 'pose')}"
     text += f"; scale factor and misalignment good to: {', '.join(errors)}" if errors else ""

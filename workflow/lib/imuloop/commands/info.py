@@ -31,13 +31,16 @@ from imuloop.result import verdict_lines
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop info`` to `command`, its argparse parser."""
     command.add_argument("file", type=Log.parse, metavar="FILE", help=f"a result, or a log: {LOG}")
     add_keys(command)
 
 
 def run(arguments):
-    """Print the content of a file; return 1 for a log that is rejected."""
+    """Print the content of a file; return 1 for a log that is rejected, else 0.
+
+    `arguments` are those that `add` declares, parsed.
+    """
     # a log of two files cannot be a result
     path = arguments.file.files.get("log", Path())
     metadata = metadata_of(path)
@@ -55,7 +58,10 @@ def run(arguments):
 
 
 def result_lines(path):
-    """Return the content of a JSON result as lines; raise an ImuloopError for another file."""
+    """Return the content of a result of imuloop, a JSON file at `path`, as lines of text, a list.
+
+    Raises an ImuloopError for a file that is not a result.
+    """
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else {*()}
     try:
@@ -80,7 +86,7 @@ def result_lines(path):
 
 
 def calibration_lines(calibration):
-    """Return the parameters ± 1 σ and the effects of a Calibration as lines of text."""
+    """Return the parameters ± 1 σ and the effects of a Calibration as lines of text, a list."""
     head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
     lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = DeviceResults("", "", Path(), calibrations={"final": calibration})
@@ -103,10 +109,10 @@ def calibration_lines(calibration):
 
 
 def noise_lines(content, data_sheet=None):
-    """Return the noise coefficients of a device as lines of text.
+    """Return the noise coefficients of a device as lines of text, a list.
 
-    `content` is the content of noise.json. `data_sheet`, if given, has the typical white noise of
-    the sensor (`chain.Device`).
+    `content` is the content of noise.json. `data_sheet` is the attribute of a `chain.Device` with
+    the typical white noise of its sensor, or None.
     """
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
@@ -120,7 +126,10 @@ def noise_lines(content, data_sheet=None):
 
 
 def quality_lines(content):
-    """Return rate, duration, ranges and faults in the content of quality.json, as lines."""
+    """Return rate, duration, ranges and faults of a log as lines of text, a list.
+
+    `content` is the content of its quality.json.
+    """
     figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
     rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
     lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
@@ -132,7 +141,10 @@ def quality_lines(content):
 
 
 def log_lines(log, declared):
-    """Return lines on a Log, and whether it is rejected; `declared` are its declared keys."""
+    """Return lines of text that describe a log, a list, and whether it is rejected.
+
+    `log` is the Log, and `declared` are declarations about it, keys of a config.
+    """
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder))
     rejected = quality.get("status") == "rejected"

@@ -24,13 +24,13 @@ LOG = "LOG or acceleration=FILE,angular_rate=FILE"
 
 @dataclass(frozen=True)
 class Log:
-    """A log that an argument names."""
+    """A log that an argument of a command names, in one file or in a file for each sensor."""
 
     files: dict  # path by role: ``log``, or ``acceleration`` and ``angular_rate``
 
     @classmethod
     def parse(cls, text):
-        """Return the Log of an argument: LOG, or acceleration=FILE,angular_rate=FILE."""
+        """Return the Log of an argument, `text`: LOG, or acceleration=FILE,angular_rate=FILE."""
         two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", text)
         files = dict(zip(PAIR, two.groups(), strict=True)) if two else {"log": text}
         return cls({role: Path(path) for role, path in files.items()})
@@ -57,18 +57,24 @@ class Log:
                 raise ImuloopError(f"{path}: not a log; imuloop info describes results")
 
     def samples_path(self):
-        """Return the path of the log if it is a samples.parquet of ingest, else None."""
+        """Return the path of the log if it is a samples.parquet, written by ingest, else None."""
         path = self.files.get("log", Path())
         return path if "raw_units" in metadata_of(path) else None
 
     def refuse_rejected(self, quality):
-        """Raise an ImuloopError if the log is rejected, by `quality`, its quality.json."""
+        """Raise an ImuloopError with the reasons if ingest rejected the log.
+
+        `quality` is the content of its quality.json.
+        """
         if quality.get("status") == "rejected":
             raise ImuloopError(f"{self}: rejected: {'; '.join(quality['reasons'])}")
 
 
 def metadata_of(path):
-    """Return the metadata that imuloop wrote into a Parquet file; empty for another file."""
+    """Return the metadata that imuloop wrote into a Parquet file, a dict; empty for another file.
+
+    `path` is the path of the file.
+    """
     if path.suffix == ".parquet" and path.is_file() and not no_log(path):
         with suppress(ValueError, OSError):
             return read_metadata(path)
@@ -76,18 +82,22 @@ def metadata_of(path):
 
 
 def refuse_swapped(calibration, log):
-    """Raise an ImuloopError if the log is given in place of the calibration, and vice versa."""
+    """Raise an ImuloopError if the arguments for calibration and log seem to be swapped.
+
+    `calibration` is the path where calibration.json is expected, and `log` is the Log. They are
+    swapped if the log is a .json file and the calibration is not.
+    """
     if any(path.suffix == ".json" for path in log.paths) and calibration.suffix != ".json":
         raise ImuloopError(f"{calibration}: no calibration.json: it comes first, then the log")
 
 
 def write_samples(log, declared, folder, calibration=None):
-    """Return the path of the samples of a Log, and the content of its quality.json.
+    """Return the path of the samples of a log, and the content of its quality.json.
 
-    A samples.parquet of ingest is used as it is; its quality is empty if there is no quality.json
-    next to it. The samples of a raw log are written into `folder`. `declared` are declarations
-    about the log, keys of a config. If a `calibration` is given, all other declarations
-    are taken from the log that it was fitted to.
+    `log` is the Log. A samples.parquet of ingest is used as it is; its quality is empty if there is
+    no quality.json next to it. The samples of a raw log are written into `folder`. `declared` are
+    declarations about the log, keys of a config. If a Calibration is given, `calibration`, all keys
+    that are not declared are taken from the log that it was fitted to.
     """
     log.refuse_no_log()
     if path := log.samples_path():
@@ -111,7 +121,10 @@ def write_samples(log, declared, folder, calibration=None):
     files = device.sessions[log.name]
 
     def read(layout):
-        """Ingest the log with the declaration `layout`; return samples path and quality."""
+        """Ingest the log with the declarations `layout`, and return samples path and quality.
+
+        `layout` are keys of a config.
+        """
         keys = merge(merge(units, layout), declared)
         chain.ingest(device, log.name, {key: keys.get(key) for key in OF_LOGS}, log.paths)
         return files["samples"], read_json(files["quality"])
@@ -124,9 +137,11 @@ def write_samples(log, declared, folder, calibration=None):
 
 
 def read_log(log, declared, calibration=None):
-    """Return samples, metadata and quality of a Log; raise an ImuloopError if it is rejected.
+    """Return the samples of a log, a table, the metadata of samples.parquet, and the quality.
 
-    `declared` and `calibration` are as in `write_samples`.
+    `log` is the Log. `declared` are declarations about it, keys of a config. If a Calibration is
+    given, `calibration`, all keys that are not declared are taken from the log that it was fitted
+    to. Raises an ImuloopError if the log is rejected.
     """
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder), calibration)
@@ -135,10 +150,10 @@ def read_log(log, declared, calibration=None):
 
 
 def recorded(log, samples, metadata, kind):
-    """Return the RecordedSession of a Log, and the number of its poses.
+    """Return the RecordedSession of a log, its samples with its rests, and the number of its poses.
 
-    `samples` and `metadata` are results of `read_log`, and `kind` is the kind of the session, by
-    which its rests are found.
+    `log` is the Log, and `samples` and `metadata` are from `read_log`. `kind` is the kind of the
+    session, such as ``static``, by which its rests are found.
     """
     faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
     segments, figures = segment_session(samples, kind, SegmentSettings(), **faults)

@@ -35,14 +35,17 @@ NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop noise`` to `command`, its argparse parser."""
     command.add_argument("log", type=Log.parse, help=LOG)
     command.add_argument("-o", "--output", type=Path, help="folder of the results")
     add_keys(command)
 
 
 def run(arguments):
-    """Print the noise of a log; write it for other tools if a folder is given."""
+    """Print the noise of a log at rest, and write it for other tools if a folder is named.
+
+    `arguments` are those that `add` declares, parsed.
+    """
     log, folder = arguments.log, arguments.output
     if folder:
         refuse_overwriting([folder], log.paths)
@@ -66,9 +69,9 @@ def run(arguments):
 
 
 def write_formats(folder, name, estimate):
-    """Write the files of other tools that need no calibration into a folder; return their paths.
+    """Write the files of other tools that need no calibration, and return their paths, a list.
 
-    `name` is the name of the log, and `estimate` its NoiseResult.
+    `folder` is the folder of the files, `name` the name of the log, and `estimate` its NoiseResult.
     """
     why = "this log is of the noise alone"
     sensors = [SensorCalibration.nominal(RawUnit(unit, 1.0), why) for unit in ("m/s^2", "rad/s")]
@@ -97,10 +100,10 @@ def write_formats(folder, name, estimate):
 
 
 def write_curves(folder, session, estimate):
-    """Write the Allan deviation of each sensor as a table and as drawings; return their paths.
+    """Write the Allan deviation of each sensor as a table and as drawings, and return their paths.
 
-    They are written into `folder`. `session` is the RecordedSession, and `estimate` its
-    NoiseResult.
+    `folder` is the folder of the files, `session` the RecordedSession of the log, and `estimate`
+    its NoiseResult. Without an Allan curve nothing is written and the list is empty.
     """
     allan = pd.DataFrame(session_curves(session, NoiseSettings()))
     if allan.empty:

@@ -43,7 +43,10 @@ SEVERAL = {"--set": "", "--columns": "columns.", "--counts": "nominal."}
 
 
 def add_keys(command):
-    """Add the options that are keys of a config, for `take_keys`, to the help of a command."""
+    """Add to the help of a command the options that are keys of a config, which `take_keys` reads.
+
+    `command` is the argparse parser of the command.
+    """
     rows = [(f"--{key} VALUE", words) for key, words in HELP.items()]
     command.add_argument_group(
         "keys as in a config",
@@ -58,12 +61,13 @@ def add_keys(command):
 
 
 def take_keys(words):
-    """Return the keys of a config in the words of a command line, nested dicts, and other words.
+    """Return the keys of a config in a command line, nested dicts, and all other words, a list.
 
-    A key is an option, as ``--units.time ms``, or a word ``units.time=ms`` after ``--set``. Shorter
-    forms are ``--time-unit ms``, ``--latitude`` and ``--height``, ``--columns time=stamp``,
-    ``--range 16g,2000deg/s`` and ``--counts acceleration=SCALE,OFFSET``. The other words are a
-    list. Raises an ImuloopError for an option without a value, or a key that is given in two ways.
+    `words` are the words of the command line. A key is an option, as ``--units.time ms``, or a word
+    ``units.time=ms`` after ``--set``. Shorter forms are ``--time-unit ms``, ``--latitude`` and
+    ``--height``, ``--columns time=stamp``, ``--range 16g,2000deg/s`` and ``--counts
+    acceleration=SCALE,OFFSET``. Raises an ImuloopError for an option without a value, or a key that
+    is given in two ways.
     """
     pairs, others, words = [], [], [*words]
     while words:
@@ -91,10 +95,12 @@ def take_keys(words):
 
 
 def _expand(start, word):
-    """Return words KEY=VALUE, a list, with full keys for a `word` after an option of `SEVERAL`.
+    """Return words KEY=VALUE with full keys, a list, for a word after an option of `SEVERAL`.
 
-    `start` is the start of the keys: ``x=1`` with the start ``columns.`` is ``columns.x=1``.
-    Raises an ImuloopError for a word that is not KEY=VALUE.
+    `word` is the word, and `start` is the start of the keys of this option: ``x=1`` with the start
+    ``columns.`` is ``columns.x=1``. With the start ``nominal.`` a word such as
+    ``acceleration=0.01,5`` gives a unit, a scale and an offset. Raises an ImuloopError
+    for a word that is not KEY=VALUE.
     """
     quantity, equals, value = word.partition("=")
     if not (equals and re.fullmatch(KEY, start + quantity)):
@@ -109,7 +115,8 @@ def _expand(start, word):
 def _ranges(text):
     """Return words KEY=VALUE, a list, for the value of --range, such as ``16 g,2000 deg/s``.
 
-    The unit of a part shows its sensor. Raises an ImuloopError if a part has no unit of a sensor.
+    `text` is the value. The unit of each part between commas shows which sensor it is for. Raises
+    an ImuloopError if a part has no unit of a sensor.
     """
     pairs, parts = [], [part.strip() for part in text.split(",")]
     for quantity, units in zip(PARTS, (ACCELERATION, ANGULAR_RATE), strict=True):
@@ -121,7 +128,7 @@ def _ranges(text):
 
 
 def _nested(pairs):
-    """Return words KEY=VALUE, `pairs`, as nested dicts.
+    """Return words KEY=VALUE, `pairs`, as nested dicts: units.time=ms is {"units": {"time": "ms"}}.
 
     Raises an ImuloopError for a key that is given in two ways.
     """
@@ -138,9 +145,10 @@ def _nested(pairs):
 
 
 def read_value(path, text):
-    """Return the value of a key from its text: JSON, columns separated by commas, or the text.
+    """Return the value of a key of a config from its text on the command line.
 
-    The `path` of columns starts with ``columns``; a column is named, or a position from 0.
+    `path` is the key, such as ``columns.time``, and `text` its value: JSON, or columns separated by
+    commas, or any other text. A column is a name, or a position from 0.
     """
     try:
         return json.loads(text)
@@ -152,10 +160,13 @@ def read_value(path, text):
 
 
 def between(low, high, count=1):
-    """Return a function that reads an argument of `count` numbers from `low` to `high`."""
+    """Return a function that reads an argument of `count` numbers, each from `low` to `high`."""
 
     def number(text):
-        """Return the number in an argument, or a tuple of `count` numbers if `count` is above 1."""
+        """Return the number in an argument, or a tuple of `count` numbers if `count` is above 1.
+
+        `text` is the argument. Raises an ArgumentTypeError if it has other numbers.
+        """
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):
             what = f"{count} numbers" if count > 1 else "a number"

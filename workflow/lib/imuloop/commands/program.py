@@ -22,15 +22,19 @@ COMMANDS = ("apply", "calibrate", "check", "coach", "info", "noise", "report", "
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser of arguments that reports an error in one line."""
+    """An argparse parser that reports an error in one line."""
 
     def error(self, message):
-        """Print an error in one line, and end with exit status 2."""
+        """Print an error, `message`, in one line, and end with exit status 2."""
         self.exit(2, f"{self.prog}: {one_line(message)}; {self.prog} -h says more\n")
 
 
 def run(argv=None):
-    """Run one command; return its exit status, 0 for success, and 1 for an error in one line."""
+    """Run one command; return its exit status, 0 for success, and 1 for an error in one line.
+
+    A command may return other numbers. `argv` are the words of the command line, by default those
+    of the process.
+    """
     parser = Parser(
         prog="imuloop",
         description="Calibrate, check and describe accelerometers and gyroscopes.",
@@ -75,7 +79,8 @@ def run(argv=None):
 def _parse(parser, argv):
     """Return the arguments of a command, with the keys of a config in their field `declared`.
 
-    The process ends with exit status 2 if an argument is wrong.
+    `parser` is the parser of all commands, and `argv` are the words of the command line. The
+    process ends with exit status 2 if an argument is wrong.
     """
     try:
         # the other commands read a log
@@ -88,7 +93,10 @@ def _parse(parser, argv):
 
 
 def _status(arguments):
-    """Run a command; return its exit status, or 1 if it ended in an error."""
+    """Run a command; return its exit status, or 1 if it ended in an error, which is printed.
+
+    `arguments` are its arguments, as `_parse` returns them.
+    """
     try:
         return arguments.run(arguments) or 0
     except BrokenPipeError:

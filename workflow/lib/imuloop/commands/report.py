@@ -17,7 +17,7 @@ from imuloop.commands.lines import say
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop report`` to `command`, its argparse parser."""
     add_logs(command)
     command.add_argument("-o", "--output", type=Path, required=True, help="HTML file to write")
     command.add_argument(
@@ -30,7 +30,10 @@ def add(command):
 
 
 def run(arguments):
-    """Write the report of one device."""
+    """Write the report of one device, an HTML file.
+
+    `arguments` are those that `add` declares, parsed.
+    """
     # loads matplotlib
     from imuloop.report.report import verdict_lines
 

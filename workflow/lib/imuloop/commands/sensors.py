@@ -11,18 +11,25 @@ from imuloop.sensors import PARTS, find_sensor, sensor_names
 
 
 def add(command):
-    """Add the arguments of the command."""
+    """Add the arguments of ``imuloop sensors`` to `command`, its argparse parser."""
     command.add_argument("name", nargs="?", help="one of them, for its figures")
 
 
 def run(arguments):
-    """Print the table of all sensors, or the figures of the sensor that is named."""
+    """Print the table of all sensors, or the figures of one sensor if the user names it.
+
+    `arguments` are those that `add` declares, parsed.
+    """
     name = arguments.name
     say(*(sheet_lines(find_sensor(name)) if name else map(listing_line, sensor_names())))
 
 
 def listing_line(name):
-    """Return one line of text for a sensor: key, manufacturer, kind of evidence and ranges."""
+    """Return the line of text for a sensor in the list: key, manufacturer, evidence and ranges.
+
+    The evidence is where the figures come from, such as a data sheet. `name` is the key of the
+    sensor.
+    """
     sheet = find_sensor(name)
     both = [figures for figures in (sheet.accelerometer, sheet.gyroscope) if figures]
     ranges = ["/".join(r.name.partition(" ")[0] for r in figures.ranges) for figures in both]
@@ -32,7 +39,7 @@ def listing_line(name):
 
 
 def sheet_lines(sheet):
-    """Return the figures of a `DataSheet` as lines of text, a list."""
+    """Return the figures of a sensor as lines of text, a list; `sheet` is its `DataSheet`."""
     lines = [f"{sheet.label}, {sheet.manufacturer}"]
     for quantity, sensor in PARTS.items():
         if not (figures := getattr(sheet, sensor)):

@@ -31,14 +31,17 @@ DECLARED = re.compile(r"see (units|--\S+-unit)")
 
 
 def next_step(device):
-    """Return the most useful next step for a user of a device, a sentence.
+    """Return the most useful next step for the user of a device, a sentence.
 
-    `device` is the DeviceResults. Steps have three ranks: steps against faults of a recording come
-    first, then further recordings, and last a long record at rest, which improves the noise only.
-    Among steps of one rank, the step with the largest gain is chosen. The gain is the share by
-    which the step may lower a standard error or a residual; it is 1 if a recording is missing.
+    `device` is a DeviceResults, all results of one device. Steps have three ranks: steps against
+    faults of a recording come first, then further recordings, and last a long record at rest, which
+    improves only the estimate of the noise. Among steps of one rank, the step with the largest gain
+    is chosen. The gain is the share by which the step may lower a standard error or a residual; it
+    is 1 if a recording is missing. Without any step, the sentence says that the results are good
+    enough, or that the report has the reasons why nothing was tested.
 
-    The functions `_rejected` to `_static_record` yield steps: (gain, name of a phrase, its values).
+    The functions `_rejected` to `_static_record` yield steps. A step is a tuple: its gain, the name
+    of a sentence for `phrase`, and the values in this sentence, a dict.
     """
     mend = (_rejected, _doubted, _first_session, _clipped, _short_rests, _tilted_rests)
     record = (_missing, _limit, _hole, _heat_and_cool)
@@ -56,7 +59,11 @@ def next_step(device):
 
 
 def _rejected(device):
-    """Yield for each rejected session the step to record it again or correct its declaration."""
+    """Yield a step for each rejected session of a DeviceResults, `device`.
+
+    The step is to correct the declaration of the log if that is wrong, else to record it again. A
+    step is a tuple, as in `next_step`.
+    """
     for s in device.sessions:
         if s.rejected:
             code = "correct" if s.quality["misdeclared"] else "record_again"
@@ -64,14 +71,23 @@ def _rejected(device):
 
 
 def _doubted(device):
-    """Yield for each doubtful declaration, by the warnings of ingest, the step to check it."""
+    """Yield a step for each warning of ingest that a declaration, such as a unit, may be wrong.
+
+    The step is to check the declaration. `device` is a DeviceResults. A step is a tuple, as in
+    `next_step`.
+    """
     for s in device.used:
         for text in filter(DECLARED.search, s.quality["warnings"]):
             yield 1.0, "doubted", {"session": s.name, "text": text}
 
 
 def _first_session(device):
-    """Yield the step to record a multi_position session, if there are too few poses to test."""
+    """Yield the step to record a multi_position session, if there are too few poses for a test.
+
+    There are too few if all such sessions together have less than `TESTABLE` poses. No step is
+    yielded if one of these sessions is rejected, because `_rejected` then yields it. `device` is a
+    DeviceResults. A step is a tuple, as in `next_step`.
+    """
     sessions = [s for s in device.sessions if s.kind == "multi_position"]
     # a rejected session has its own step, which asks for the same
     if sum(s.poses for s in sessions) < TESTABLE and not any(s.rejected for s in sessions):
@@ -80,7 +96,10 @@ def _first_session(device):
 
 
 def _clipped(device):
-    """Yield the step to avoid saturation, for each session with saturated samples."""
+    """Yield the step to avoid saturation, for each session with saturated samples.
+
+    `device` is a DeviceResults. A step is a tuple, as in `next_step`.
+    """
     for s in device.used:
         counts = {k: v for k, v in s.quality["clipped"].items() if v}
         seen = s.quality["faults"].get("clipped_at", {})
@@ -91,7 +110,12 @@ def _clipped(device):
 
 
 def _short_rests(device):
-    """Yield the step to rest longer, for each session with a share `MANY_SHORT` of short rests."""
+    """Yield the step to rest longer, for each session in which many rests are too short.
+
+    Many are more than the share `MANY_SHORT` of all rests. A session in which shorter rests than
+    usual had to be used gets the step, too. `device` is a DeviceResults. A step is a tuple, as in
+    `next_step`.
+    """
     for s in device.used:
         short, used = s.segmentation.get("short_rests", 0), s.segmentation.get("shorter")
         every = short + (s.segments["pose"] >= 0).sum()
@@ -100,7 +124,11 @@ def _short_rests(device):
 
 
 def _tilted_rests(device):
-    """Yield the step to rest more firmly, for each session with a share `MANY` of tilted rests."""
+    """Yield the step to rest more firmly, for each session with many rests in which a device tilts.
+
+    Many are more than the share `MANY` of all rests. `device` is a DeviceResults. A step is a
+    tuple, as in `next_step`.
+    """
     for s in device.used:
         tilted, rests = s.segmentation.get("tilted_rests", 0), (s.segments["pose"] >= 0).sum()
         if tilted > MANY * rests:
@@ -112,7 +140,12 @@ def _tilted_rests(device):
 
 
 def _missing(device):
-    """Yield a step for each residual above its floor, and one against too low a sampling rate."""
+    """Yield a step for each residual above its floor, and one against too low a sampling rate.
+
+    The step against a residual is to find the effect that is missing in the model. The floor is the
+    size of the residual that noise alone gives. `device` is a DeviceResults. A step is a tuple, as
+    in `next_step`.
+    """
     diagnoses = blocks(device.diagnosis)
     above = [b for b in diagnoses if b["verdict"] in ABOVE]
     for b in diagnoses:
@@ -141,10 +174,13 @@ def _missing(device):
 
 
 def _limit(device):
-    """Yield the next rest or turn, if the error of the parameter that limits readings matters.
+    """Yield the best next rest or turn, for the parameter whose error limits the readings most.
 
-    The error matters if it exceeds the noise of a mean over one second by the factor `MATTERS`. A
-    step that lowers this error by less than the share `NOTICEABLE` is left out.
+    `device` is a DeviceResults; its diagnosis names this parameter and the rest or turn that
+    improves it most. The step is yielded if the error that the parameter causes in a reading
+    exceeds the noise of a mean over one second by the factor `MATTERS`, and if the step lowers the
+    standard error of the parameter by at least the share `NOTICEABLE`. A step is a tuple, as in
+    `next_step`.
     """
     now = device.diagnosis.get("next_step")
     if not now or now["ratio"] <= MATTERS:
@@ -158,14 +194,21 @@ def _limit(device):
 
 
 def _display(now):
-    """Return the Display of the parameter of `now`, the entry ``next_step`` of diagnosis.json."""
+    """Return the Display, the unit to show, of the parameter that limits the readings.
+
+    `now` is the entry ``next_step`` of diagnosis.json, which names this parameter.
+    """
     if now["parameter"][0] == "T":
         return MILLIRADIAN
     return data_sheet("1" if now["parameter"][0] == "K" else OUTPUT[now["sensor"]])
 
 
 def _hole(device):
-    """Yield the step to add poses in the largest region of the sphere without a pose."""
+    """Yield the step to add poses in the largest region of the sphere of directions without a pose.
+
+    The region must be at least `WIDE_HOLE` degrees wide, as an angle from its centre to the nearest
+    pose. `device` is a DeviceResults. A step is a tuple, as in `next_step`.
+    """
     directions = pose_directions(device).get("multi_position")
     if directions is not None:
         up, angle = largest_hole(directions)
@@ -174,7 +217,12 @@ def _hole(device):
 
 
 def _heat_and_cool(device):
-    """Yield the step to heat and cool, if temperature only rose or only fell in each session."""
+    """Yield the step to heat and cool, if temperature only rose or only fell in each session.
+
+    Then an effect of temperature cannot be told from a drift with time. Sessions whose temperature
+    spans less than `SPAN_K` do not count. `device` is a DeviceResults. A step is a tuple, as in
+    `next_step`.
+    """
     swings = []
     for session in device.used:
         if TEMPERATURE not in session.samples:
@@ -196,7 +244,11 @@ def _heat_and_cool(device):
 
 
 def _static_record(device):
-    """Yield the step to record longer at rest, if flicker or random walk has only a limit."""
+    """Yield the step to record longer at rest, if flicker or random walk has only an upper limit.
+
+    No step is yielded if the longest static session already has `NEARLY` the length `LONG_RECORD`.
+    `device` is a DeviceResults. A step is a tuple, as in `next_step`.
+    """
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
     axes = {}
     for channel, noise in device.axes.items():

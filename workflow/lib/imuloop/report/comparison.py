@@ -27,15 +27,15 @@ COMPARED = ("final", "logged", "after", "floor", "prior")
 
 
 def summarise(device):
-    """Return the content of summary.json, by which devices are compared.
+    """Return the content of summary.json, a dict by which devices are compared.
 
-    `device` is the DeviceResults. Keys that need an explanation:
+    `device` is a DeviceResults, all results of one device. Keys that need an explanation:
 
-    - ``values``: rows of the long table (`long_table`);
+    - ``values``: numbers of the device, rows of the long table (`long_table`);
     - ``filter``: noise for a filter, {name: {value, axis, limit, raised_from}} (`filter_noise`);
-    - ``allan``: Allan deviation, {channel: {tau_s, adev}};
-    - ``answers``, ``card``: texts of `findings`;
-    - ``loop``: the errors of `loop_errors`;
+    - ``allan``: Allan deviation, {channel: {tau_s, adev}}: averaging times, s, and deviations, SI;
+    - ``answers``, ``card``: texts on the verdicts, results of `answers` and `card`;
+    - ``loop``: the errors as logged, calibrated and corrected (`loop_errors`);
     - ``verdicts``: the verdict by sensor and kind of data;
     - ``calibrated``: whether there is a calibration to use.
     """
@@ -77,9 +77,12 @@ def filter_noise(device, final):
     """Return white noise N and random walk K for a filter, and the sampling rate of the logs, Hz.
 
     The result is a dict: ``rate_hz``, and ``SENSOR_N`` and ``SENSOR_K`` of each sensor, a Density
-    as a dict. N and K are the largest of the axes, SI, for samples calibrated by `final`, a
-    Calibration or None. If the data do not show a coefficient, its 95 % upper limit counts. N and K
-    are raised if they would not bound the Allan variance (`bounding`).
+    as a dict. N and K are the largest of the axes, SI. If the data do not show a coefficient, its
+    95 % upper limit counts. N and K are raised if they would not bound the Allan variance
+    (`bounding`).
+
+    `device` is a DeviceResults. `final` is its final Calibration, to whose samples the noise then
+    belongs, or None for the noise of samples as logged.
     """
     rates = [s.quality["rate_hz"] for s in device.used]
     content = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
@@ -94,10 +97,12 @@ def filter_noise(device, final):
 
 
 class Cell(NamedTuple):
-    """A cell of the comparison: its text, small text below, and `value`, for sorting.
+    """A cell of the table that compares devices: its `text`, and small text `below` it.
 
-    `mark` is the value that the data sheet states, if it does. `place` and `mark_place` are the
-    positions of value and mark along the bar of the cell, %.
+    `value` is the number in the cell, by which the column is sorted; None for a cell without a
+    number. `mark` is the value that the data sheet states for the same quantity, or None. `place`
+    and `mark_place` are the positions of `value` and `mark` along the bar that is drawn in the
+    cell, %; they are None until `placed` sets them.
     """
 
     text: str
@@ -111,8 +116,9 @@ class Cell(NamedTuple):
 def placed(rows):
     """Return rows of Cells, one per device, in which `place` and `mark_place` are set.
 
-    A place is linear in the logarithm of the value, from the smallest value or mark of the column
-    to the largest.
+    Both are positions along the bar of a cell, %. A position is linear in the logarithm of the
+    value, from the smallest value or mark of the column to the largest. A cell without small text
+    has no bar, and its positions stay None. `rows` are the rows of Cells without positions.
     """
     columns_of_cells = []
     for column in zip(*rows, strict=True):
@@ -120,7 +126,12 @@ def placed(rows):
         low, span = (np.log(min(sizes)), np.log(max(sizes) / min(sizes))) if sizes else (0.0, 0.0)
 
         def place(size, low=low, span=span):
-            """Return the place of a value between the ends of its column, 4 to 96 %, or None."""
+            """Return the position of a value `size` between the ends of its column, 4 to 96 %.
+
+            `low` is the logarithm of the least value of the column, and `span` the logarithm of the
+            ratio of the largest to the least. The result is None for a value that is absent or not
+            above zero.
+            """
             return 4 + 92 * (np.log(size) - low) / span if size and size > 0 and span else None
 
         columns_of_cells.append(
@@ -135,18 +146,23 @@ def placed(rows):
 
 
 def columns(sensor):
-    """Return the columns of the comparison of a sensor, a dict of Display by quantity."""
+    """Return the columns of the table that compares the devices by one sensor, a dict by quantity.
+
+    A value of the dict is the Display of the column, the unit in which it is shown. `sensor` is the
+    name of the sensor.
+    """
     residual = MILLI_G if sensor == "accelerometer" else DEGREES
     units = QUANTITIES[sensor] | {"quoted": residual}
     return {quantity: units[quantity] for quantity in WORDS["compared"]}
 
 
 def pivot(summary, sensor):
-    """Return five `Value` for each quantity of a sensor, a dict of tuples by quantity.
+    """Return five numbers for each quantity of a sensor, a dict of tuples of `Value` by quantity.
 
-    `summary` is the content of summary.json of a device. The five are: the largest value of the
-    axes; an upper limit of an axis that is above it; the noise of samples as logged; the floor of a
-    residual; and the tolerance, or the noise, by the data sheet. Each is None if it is absent.
+    `summary` is the content of summary.json of a device, and `sensor` the name of the sensor. The
+    five are: the largest value of the axes; an upper limit of an axis that is above this value; the
+    noise of samples as logged; the floor of a residual, which noise alone gives; and the tolerance,
+    or the noise, by the data sheet. Each is None if it is absent.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     quantities = {}
@@ -159,16 +175,21 @@ def pivot(summary, sensor):
 
 
 def cells(summary, sensor):
-    """Return the Cells of a device in the comparison of a sensor, a list, without places.
+    """Return the Cells of a device in the table that compares one sensor, a list by quantity.
 
-    `summary` is the content of summary.json of the device.
+    Their positions `place` and `mark_place` are not set yet. `summary` is the content of
+    summary.json of the device, and `sensor` the name of the sensor.
     """
     worst_axes = pivot(summary, sensor)
     return [_cell(*worst_axes[quantity], unit) for quantity, unit in columns(sensor).items()]
 
 
 def _cell(largest, limit, logged, floor, prior, display):
-    """Return the Cell of a quantity by five `Value`, as in `pivot`, and the column's Display."""
+    """Return the Cell of one quantity in the table that compares devices.
+
+    `largest`, `limit`, `logged`, `floor` and `prior` are the five `Value` of the quantity, as
+    `pivot` returns them. `display` is the Display of the column, the unit to show.
+    """
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:
         return Cell(NO_NUMBER)
@@ -191,18 +212,18 @@ def _cell(largest, limit, logged, floor, prior, display):
 def verdict_rank(verdicts):
     """Return a number by which devices are sorted, larger for worse verdicts.
 
-    `verdicts` has the verdict by kind of data. The verdict on poses counts most, then those on
-    other data, in the order of `RECORDS`.
+    `verdicts` is a dict by kind of data, such as ``poses``. The verdict on poses counts most, then
+    the verdicts on other data, in the order of `RECORDS`.
     """
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
     return sum(10**k * place for k, place in enumerate(reversed(order)))
 
 
 def filter_cells(summary):
-    """Return the cells on a filter for a device, a list.
+    """Return the Cells of a device in the table of noise for filters, a list.
 
     They are the sampling rate, Hz, then white noise and random walk of the accelerometer and of the
-    gyroscope, SI. `summary` is the content of summary.json.
+    gyroscope, SI. `summary` is the content of summary.json of the device.
     """
     content = summary["filter"]
     rate = content["rate_hz"]
@@ -221,8 +242,9 @@ def filter_cells(summary):
 def write_comparison(path, summaries, failures=()):
     """Write comparison.csv to `path`: a row per device, values in SI, units in the headers.
 
-    `summaries` are the contents of summary.json of the devices. The first rows are of devices
-    without results: one row, with the reason, for each Failure in `failures`.
+    `failures` are the Failures of the run: why results are missing. Each one of a device gives one
+    of the first rows, with the reason. `summaries` are the contents of summary.json of the other
+    devices.
     """
     rows = [
         {

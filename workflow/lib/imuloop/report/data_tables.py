@@ -14,9 +14,10 @@ NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"
 
 
 def data_table(device):
-    """Return the Table of the logs of a DeviceResults, a column per session.
+    """Return the Table of the logs of a DeviceResults, `device`: a column per session.
 
-    Its rows are the figures of `quality_figures`, such as number of rows, rate and faults.
+    Its rows are the figures of `quality_figures`, such as number of rows, rate and faults. A figure
+    that says nothing in all sessions, such as zero gaps, has no row.
     """
     columns = []
     for s in device.sessions:
@@ -32,7 +33,10 @@ def data_table(device):
 
 
 def quality_figures(q):
-    """Return the figures of `q`, the content of quality.json, as text by their name and unit."""
+    """Return the figures on the quality of a log as text, a dict by name and unit of the figure.
+
+    `q` is the content of the quality.json of its session.
+    """
     jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
     names = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
     mended = text_of({name: clock.get(key) for name, key in names.items()})
@@ -60,13 +64,14 @@ def quality_figures(q):
 
 
 def _faults(quality):
-    """Return the faults that ingest left in the samples, as text by name and unit.
+    """Return the faults that ingest left in the samples of a log, as text.
 
-    `quality` is the entry ``faults`` of quality.json.
+    The result is a dict by name and unit of the fault. `quality` is the entry ``faults`` of
+    quality.json.
     """
 
     def rows(key):
-        """Return the number of rows with a fault, by channel, as text."""
+        """Return the number of rows with the fault named `key`, by channel, as text."""
         return text_of({k: v["rows"] for k, v in quality.get(key, {}).items()})
 
     repeats = {sensor: n for sensor, n in (quality.get("rows_a_value") or {}).items() if n > 1}

@@ -29,9 +29,11 @@ STATUS = ("added", "confounded", "rejected", *UNTRIED)
 
 
 def steps_table(block):
-    """Return the Table of the added effects in order, or an empty list.
+    """Return the Table of the effects that a diagnosis added to the model, in order.
 
-    `block` is a diagnosis, as `block_of` returns it.
+    Each row is an effect with its p-value and the held-out errors before and after it was added.
+    The result is an empty list if no effect was added. `block` is the diagnosis of a sensor in one
+    kind of data, as `block_of` returns it.
     """
     residuals, rows = block["residuals"], []
     for place, effect in enumerate(block["effects"], 1):
@@ -51,9 +53,10 @@ def steps_table(block):
 
 
 def parameter_rows(effect):
-    """Return a row for each parameter of an effect: name, value ± 1 σ, and unit of data sheets.
+    """Return a table row for each parameter of an effect, a list of tuples of three texts.
 
-    `effect` is an entry of the list ``effects`` in diagnosis.json.
+    The texts are the name, value ± 1 σ, and the unit that data sheets use. `effect` is an entry of
+    the list ``effects`` in diagnosis.json.
     """
     rows = []
     for name, value in effect["parameters"].items():
@@ -64,10 +67,11 @@ def parameter_rows(effect):
 
 
 def matrix_rows(effect):
-    """Return the parameters of an effect as rows with a cell per axis.
+    """Return the parameters of an effect as table rows with a cell per axis of the sensor, a list.
 
-    The result is empty if a parameter has no axis in its name. `effect` is an entry of the list
-    ``effects`` in diagnosis.json.
+    A row has the name of the parameters without their axis, three cells for x, y and z, and the
+    unit. The result is empty if the name of a parameter does not end in an axis. `effect` is an
+    entry of the list ``effects`` in diagnosis.json.
     """
     values, units, largest, rows = effect["parameters"], effect["units"], {}, {}
     if not all(map(OF_AXIS.fullmatch, values)):
@@ -86,10 +90,11 @@ def matrix_rows(effect):
 
 
 def _step(effect, name):
-    """Return a text with session and time of the step that a parameter of an effect belongs to.
+    """Return the session and the time of the step of a bias, such as ", night at 3 h", for its row.
 
-    `effect` is an entry of diagnosis.json, and `name` is the name of the parameter, which has the
-    number of the step. The text is empty if there is no such step.
+    `effect` is an entry of the list ``effects`` in diagnosis.json. Its bias may jump in several
+    steps; the number in `name`, the name of a parameter, is the number of the step. The text is
+    empty if the effect has no such step.
     """
     sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
     step = int((re.search(r"\d+", name) or ["0"])[0]) - 1
@@ -98,9 +103,10 @@ def _step(effect, name):
 
 
 def effect_table(block, effect):
-    """Return the Table of the parameters ± 1 σ of an added effect.
+    """Return the Table of the parameters ± 1 σ of an effect that a diagnosis added to the model.
 
-    `block` is a diagnosis, as `block_of` returns it, and `effect` one of its ``effects``.
+    `block` is the diagnosis of a sensor in one kind of data, as `block_of` returns it, and `effect`
+    is an entry of its list ``effects``.
     """
     kind = Effect.library.get(effect["name"])
     rows, columns = matrix_rows(effect), ("Parameter", *XYZ, "Unit")
@@ -126,9 +132,11 @@ def effect_table(block, effect):
 
 
 def set_up_table(block):
-    """Return the Table of bias and mounting in sessions with a reference, or an empty list.
+    """Return the Table of bias and mounting of a sensor in its sessions with a reference.
 
-    `block` is a diagnosis, as `block_of` returns it.
+    The mounting is the rotation between the axes of the body and of the reference. The result is an
+    empty list without such a session. `block` is the diagnosis of the sensor in these sessions, as
+    `block_of` returns it.
     """
     rows = []
     for session, content in block.get("set_up", {}).items():
@@ -141,8 +149,9 @@ def set_up_table(block):
 def ranked(block):
     """Return the candidate effects of a diagnosis, sorted by status in the order of `STATUS`.
 
-    Added effects are in the order in which they were added, the others of a status are sorted
-    by p-value. `block` is a diagnosis, as `block_of` returns it.
+    Candidates with the status ``added`` are in the order in which they were added to the model,
+    candidates of another status are sorted by p-value. `block` is the diagnosis of a sensor in one
+    kind of data, as `block_of` returns it.
     """
     order = [effect["name"] for effect in block["effects"]]
     return sorted(
@@ -158,7 +167,9 @@ def ranked(block):
 def ranking_table(block):
     """Return the Table of the effects that were tested, with status and detection limit.
 
-    The result is None if no effect was tested. `block` is a diagnosis, as `block_of` returns it.
+    The detection limit is the least size of a parameter that would be seen in these data. The
+    result is None if no effect was tested. `block` is the diagnosis of a sensor in one kind of
+    data, as `block_of` returns it.
     """
     candidates = ranked(block)
     tried = [c for c in candidates if c["status"] not in UNTRIED]
@@ -186,9 +197,9 @@ def ranking_table(block):
 
 
 def constants_text(constants):
-    """Return the constants of an effect, such as order or time constant, as text.
+    """Return the constants of an effect, such as its order or time constant, as text.
 
-    `constants` is a dict by name.
+    `constants` is a dict by name. The text is empty if there are none.
     """
     parts = []
     for name, value in constants.items():

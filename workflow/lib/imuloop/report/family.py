@@ -14,24 +14,35 @@ from imuloop.report.units import PERCENT, QUANTITIES, Display
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of family.json in words, and its unit."""
+    """A parameter of family.json: its `words` for a reader, and its unit, a Display.
+
+    The spread and the errors of a `relative` parameter are shares of its value.
+    """
 
     words: str
     display: Display
     relative: bool  # whether the spread and the errors are relative to the value
 
     def spread(self, value):
-        """Return a spread or a standard error as text, without its unit."""
+        """Return a spread or a standard error, `value`, as text without its unit.
+
+        `value` is in SI, or a share of the parameter's mean if `relative`, which is shown in per
+        cent.
+        """
         return (PERCENT if self.relative else self.display).size(value, 2)
 
     def value(self, value, sigma):
-        """Return a value with its standard error `sigma` as text, without the unit."""
+        """Return ``value ± σ`` as text without the unit.
+
+        `value` is the value of the parameter, SI. `sigma` is its standard error, SI, or as a share
+        of `value` if `relative`; without it the text has the value only.
+        """
         sigma = value * sigma if self.relative and value and sigma else sigma
         return with_sigma(value, sigma, self.display.factor)
 
 
 def parameters():
-    """Return each `Parameter` by its name in family.json, in the order of the table."""
+    """Return the `Parameter` by its name in family.json, a dict in the order of the table."""
     by_name = {}
     for sensor, channels in SENSORS.items():
         names = {f"{sensor}.{name}": (*place, False) for name, place in PARAMETERS.items()}
@@ -45,28 +56,29 @@ def parameters():
 
 
 def family_tables(family, labels):
-    """Return the tables of a type of devices, a list without empty tables.
+    """Return the tables on the devices of one type, a list without empty tables.
 
-    `family` is the content of family.json for the type, and `labels` has the labels of devices by
-    name.
+    `family` is the content of family.json for the type. `labels` are the labels of all devices in
+    the report, by name.
     """
     tables = (spread_table(family), odd_table(family, labels), effect_table(family))
     return [table for table in tables if table.rows]
 
 
 def finding(family, labels):
-    """Return a sentence that names the odd devices of a type.
+    """Return a sentence that names the odd devices of a type, which differ from its other devices.
 
-    The arguments are as in `family_tables`.
+    `family` is the content of family.json for the type. `labels` are the labels of all devices in
+    the report, by name.
     """
     names = [*dict.fromkeys(labels[odd["device"]] for odd in family["odd"])]
     return phrase("family", found=family, names=names)
 
 
 def spread_table(family):
-    """Return the Table of the mean and the spread of each parameter of a type.
+    """Return the Table of the mean and the spread of each parameter over the devices of a type.
 
-    The argument is as in `family_tables`.
+    `family` is the content of family.json for the type.
     """
     rows = []
     for name, parameter in parameters().items():
@@ -93,7 +105,13 @@ def spread_table(family):
 
 
 def odd_table(family, labels):
-    """Return the Table of the odd devices; the arguments are as in `family_tables`."""
+    """Return the Table of the odd devices of a type, which differ from its other devices.
+
+    A row is a device and the parameter in which it differs.
+
+    `family` is the content of family.json for the type. `labels` are the labels of all devices in
+    the report, by name.
+    """
     by_name, rows = parameters(), []
     for odd in family["odd"]:
         parameter, one = by_name[odd["parameter"]], family["parameters"][odd["parameter"]]
@@ -112,9 +130,10 @@ def odd_table(family, labels):
 
 
 def effect_table(family):
-    """Return the Table of effects that a device has, or that all together show.
+    """Return the Table of the effects of a type, found in one device or in the data of all devices.
 
-    An effect is shown by all together if its p-value in family.json is below the significance.
+    The data of all devices show an effect if its p-value in family.json is below the significance
+    level given there. `family` is the content of family.json for the type.
     """
     rows = [
         (

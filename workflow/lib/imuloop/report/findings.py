@@ -47,18 +47,18 @@ def block_of(diagnosis, sensor, part):
     """Return the diagnosis of a sensor in one kind of data, with its findings, a dict.
 
     `diagnosis` is the content of diagnosis.json, `sensor` the name of a sensor or `BOTH`, and
-    `part` the kind of data, such as ``poses``. The result is the part of diagnosis.json on this
-    kind of data plus these keys:
+    `part` the kind of data, such as ``poses``. The result is the entry of diagnosis.json on this
+    kind of data, or `UNTESTED` if there is none, plus these keys:
 
     - ``sensor``, ``part``: the arguments;
-    - ``words``: the effects in words;
-    - ``left``: name of the residual farthest above its floor;
+    - ``words``: the effects that were added to the model, in words;
+    - ``left``: name of the residual farthest above its floor, which is its size from noise alone;
     - ``quoted``: name of the residual that the effects lowered most; without effects, ``left``;
     - ``lacking``: the largest reduced χ² above 1 and the name of its residual, or None;
     - ``too_quiet``: the result of `too_quiet`;
-    - ``undersampled``: the error that too low a sampling rate adds;
+    - ``undersampled``: the error that too low a sampling rate adds to rotations, a dict, or None;
     - ``tried``: the result of `_tried`, None unless the verdict is ``unexplained``;
-    - ``elsewhere``: candidates that other data added to the model.
+    - ``elsewhere``: candidate effects that were added to the model because of other kinds of data.
     """
     if sensor == BOTH:
         block = _of_both(*(block_of(diagnosis, name, part) for name in SENSORS))
@@ -85,7 +85,8 @@ def block_of(diagnosis, sensor, part):
 def blocks(diagnosis):
     """Return the diagnosis of each sensor in each kind of data, a list of results of `block_of`.
 
-    `diagnosis` is the content of diagnosis.json.
+    Data in motion have one diagnosis for both sensors. `diagnosis` is the content of
+    diagnosis.json.
     """
     sensors = diagnosis.get("sensors", {})
     places = [(sensor, part) for sensor in SENSORS for part in ("poses", "static_record")]
@@ -95,15 +96,19 @@ def blocks(diagnosis):
 
 
 def tested(diagnoses):
-    """Return the diagnoses that have a verdict."""
+    """Return the diagnoses that have a verdict other than ``not_testable``, a list.
+
+    `diagnoses` is the result of `blocks`.
+    """
     return [block for block in diagnoses if block["verdict"] != "not_testable"]
 
 
 def _of_both(force, turn):
-    """Return the diagnosis of both sensors together in motion.
+    """Return the diagnosis of both sensors together in motion, a dict.
 
-    `force` and `turn` are the diagnoses of the accelerometer and of the gyroscope, which have the
-    same residuals.
+    `force` and `turn` are the diagnoses of the accelerometer and of the gyroscope in motion,
+    entries of diagnosis.json. They have the same residuals; their effects and candidates are
+    joined.
     """
     effects, candidates = ([*force[key], *turn[key]] for key in ("effects", "candidates"))
     # a candidate of one sensor is also in the list of the other, with the status not_available
@@ -112,7 +117,10 @@ def _of_both(force, turn):
 
 
 def residual_names(block):
-    """Return the names of the residuals of a diagnosis, those that a user notices first."""
+    """Return the names of the residuals of a diagnosis, a list; it begins with those in `QUOTED`.
+
+    These are the residuals that a user notices first. `block` is a result of `block_of`.
+    """
     first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
     return list(dict.fromkeys([*first, *block["residuals"]]))
 
@@ -120,8 +128,9 @@ def residual_names(block):
 def _largest(block, sizes):
     """Return the name of the residual with the largest ratio of its size to its floor, or None.
 
-    `sizes` is a dict by name of the residual, in the unit of its floor. The result is None if the
-    diagnosis `block` has no residuals.
+    The floor of a residual is its size from noise alone. `sizes` is a dict by name of the residual,
+    in the unit of the floor. `block` is the diagnosis of a sensor in one kind of data; the result
+    is None if it has no residuals.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
@@ -131,7 +140,9 @@ def _largest(block, sizes):
 def too_quiet(block):
     """Return name, reduced χ² and p-value of the first residual far below its noise, or None.
 
-    It is far below if its reduced χ² is less than `FAR_BELOW` with a p-value below `UNLIKELY`.
+    It is far below if its reduced χ² is less than `FAR_BELOW` and the probability of so low a value
+    is less than `UNLIKELY`. Then the noise of the record is wrong. `block` is the diagnosis of a
+    sensor in one kind of data.
     """
     for name, r in block["residuals"].items():
         chi2 = r["chi2_before"]
@@ -144,10 +155,12 @@ def too_quiet(block):
 
 
 def _tried(block):
-    """Return whether effects were rejected, ``any``, and the best of them, ``best``, a dict.
+    """Return which candidate effects were rejected: whether any were, and the best of them, a dict.
 
-    The best is the candidate that lowers the held-out error to the smallest share. It is None if no
-    rejected effect lowers it to `WORTH_A_WORD` of its size or less.
+    Its keys are ``any`` and ``best``. The best is the candidate, a dict, that lowers the held-out
+    error to the smallest share of its size before. It is None if no rejected candidate lowers this
+    error to the share `WORTH_A_WORD` or less. `block` is the diagnosis of a sensor in one kind of
+    data.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -160,16 +173,17 @@ def _tried(block):
 
 
 def rank(verdict):
-    """Return the index of a verdict in `VERDICTS`, which begin with the best news."""
+    """Return the index of a verdict in `VERDICTS`, in which the best news comes first."""
     return VERDICTS.index(verdict)
 
 
 def answers(diagnoses):
     """Return the verdicts that a user is told, a list of (place, verdict, words).
 
-    The place is the sensor and the kind of data, in words. The first two are the verdicts on the
-    poses of each sensor, or on its static record if only that was tested. The verdicts on other
-    data follow, but for ``consistent`` and ``not_testable``. `diagnoses` are the `blocks`.
+    The place is the sensor and the kind of data, in words, and the words are a sentence on the
+    verdict. The first two are the verdicts on the poses of each sensor, or on its static record if
+    only that was tested. The verdicts on other data follow, without ``consistent`` and
+    ``not_testable``. `diagnoses` is the result of `blocks`.
     """
     said, with_verdict = [], tested(diagnoses)
     for sensor in SENSORS:
@@ -184,16 +198,20 @@ def answers(diagnoses):
 
 
 def grouped(summaries):
-    """Return pairs of the answers and the summaries of all devices with these, the worst first.
+    """Return groups of devices with equal answers, a list of (answers, summaries), the worst first.
 
-    `summaries` are the contents of summary.json of the devices.
+    `summaries` are the contents of summary.json of all devices; a group has some of them. The
+    answers of a group are its verdicts in words, as `answers` returns them.
     """
     groups = {}
     for s in summaries:
         groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
 
     def order(group):
-        """Return the key by which groups are sorted: worst verdict, then number of devices."""
+        """Return the key by which groups are sorted: the worst verdict, then the number of devices.
+
+        `group` is a tuple of answers and summaries.
+        """
         said, devices = group
         return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(devices)]
 
@@ -201,13 +219,13 @@ def grouped(summaries):
 
 
 def card(diagnoses, loop, calibration=None):
-    """Return the texts with which the part of a device begins, a dict.
+    """Return the texts with which the part of a device in the report begins, a dict.
 
     The text ``found`` names the hidden effects by sensor, and ``gain`` the errors that fell.
     ``left`` is a list of pairs: a verdict, and a text on the remaining error. ``untested`` names
-    data that could not be tested, and adds remarks on the calibration. `diagnoses` are the `blocks`
-    of the device, `loop` is the result of `loop_errors`, and `calibration` the final calibration,
-    if there is one.
+    data that could not be tested, and adds remarks on the calibration. A text is empty if there is
+    nothing to say. `diagnoses` is the result of `blocks` for the device, `loop` the result of
+    `loop_errors`, and `calibration` its final Calibration or None.
     """
     places, effects = {}, {}
     for block in diagnoses:
@@ -240,15 +258,20 @@ def card(diagnoses, loop, calibration=None):
 
 
 def fall(error):
-    """Return the factor by which the correction of effects lowers an error of `loop_errors`.
+    """Return the ratio of an error before the correction of effects to the error after it.
 
-    The factor is 1 if the corrected error is zero.
+    `error` is a dict of the list that `loop_errors` returns. The ratio is above 1 if the error
+    fell; it is 1 if the corrected error is zero or absent.
     """
     return error["calibrated"] / error["final"] if error["final"] else 1.0
 
 
 def told(loop):
-    """Return the errors of `loop_errors` that fell by the factor `WORTH_SAYING`, or the first."""
+    """Return the errors of `loop` that fell by the factor `WORTH_SAYING`, or else the first error.
+
+    `loop` is the result of `loop_errors`: the errors of a device as logged, calibrated and
+    corrected. The result is a list; it is empty if `loop` is.
+    """
     return [error for error in loop if fall(error) >= WORTH_SAYING] or loop[:1]
 
 
@@ -256,7 +279,8 @@ def headline(summaries):
     """Return the main finding of all devices, a sentence.
 
     It is the largest fall of an error by the correction of effects, or the worst verdict if no
-    error fell by the factor `WORTH_SAYING`. `summaries` are the contents of summary.json.
+    error fell by the factor `WORTH_SAYING`. `summaries` are the contents of summary.json of the
+    devices.
     """
     falls = [(fall(e), e, s) for s in summaries for e in s["loop"] if e["effects"]]
     factor, error, summary = max(falls, key=itemgetter(0), default=(0, None, None))
@@ -276,10 +300,17 @@ def headline(summaries):
 
 
 def residual_text(residual, key, digits=3):
-    """Return the number `key` of a residual, such as ``after`` or ``floor``, as text with unit."""
+    """Return one number of a residual as text with its unit.
+
+    `residual` is an entry ``residuals`` of a diagnosis, `key` the name of the number, such as
+    ``after`` or ``floor``, and `digits` the number of significant digits.
+    """
     return data_sheet(residual["unit"]).text(residual[key], digits)
 
 
 def record_title(block):
-    """Return the heading of a diagnosis: its sensor and its kind of data."""
+    """Return the heading of a diagnosis: its sensor and its kind of data, as "Gyroscope, poses".
+
+    `block` is a result of `block_of`.
+    """
     return f"{block['sensor'].capitalize()}, {RECORDS[block['part']]}"

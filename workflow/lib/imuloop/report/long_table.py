@@ -29,14 +29,16 @@ SI = {
 
 @dataclass(frozen=True)
 class Value:
-    """A number of a device, SI: a row of the long table.
+    """A number of a device, SI, with its standard error `std`: a row of the long table.
 
-    The `stage` is
+    `quantity` is such as ``bias``, ``scale`` or a noise coefficient. `axis` is an axis, two axes
+    for a misalignment, or None. `value` is None if the data give only an upper limit. The `stage`
+    is
 
     - the method of the calibration for a parameter;
     - ``logged``, or ``before`` and ``after`` the correction of effects, for a noise coefficient;
-    - ``after`` or ``floor`` for a held-out error;
-    - ``prior`` for a tolerance before the fit.
+    - ``after`` or ``floor`` for a held-out error: with the effects corrected, or from noise alone;
+    - ``prior`` for the standard deviation of a parameter before the fit.
     """
 
     sensor: str
@@ -49,12 +51,15 @@ class Value:
     upper95: float | None = None  # one-sided 95 % upper limit, for noise coefficients
 
     def text(self, display):
-        """Return the value ± 1 σ, or its upper limit, as text in the unit of a Display."""
+        """Return the value ± 1 σ, or its upper limit if it has no value, as text.
+
+        The numbers are in the unit of `display`, a Display, without its name.
+        """
         return value_text(self.value, self.std, self.upper95, display.factor)
 
 
 def long_table(device):
-    """Return every `Value` of a device."""
+    """Return all numbers of a DeviceResults, `device`, a list of `Value`."""
     rows = [*calibration_values(device.calibrations), *noise_values(device)]
     for sensor in SENSORS if "final" in device.calibrations else ():
         rows += prior_values(device, sensor)
@@ -62,7 +67,12 @@ def long_table(device):
 
 
 def calibration_values(calibrations):
-    """Return a `Value` for each estimated parameter of each calibration, given by method."""
+    """Return a `Value` for each estimated parameter of each calibration, a list.
+
+    `calibrations` are the Calibrations of a device by method. Biases and scale factors are
+    converted from the raw units of the log to SI; a scale factor is given as its deviation from the
+    nominal one.
+    """
     rows = []
     for stage, calibration in calibrations.items():
         for name in SENSORS:
@@ -83,10 +93,11 @@ def calibration_values(calibrations):
 
 
 def prior_values(device, sensor):
-    """Return a `Value` for the tolerance of each parameter before the fit, and the white noise.
+    """Return the numbers of a sensor that were known before the fit, a list of `Value`.
 
-    `device` is the DeviceResults. The stage is ``prior``. A tolerance is the standard deviation of
-    the parameter by its prior. The white noise is given if the data sheet states one.
+    They are the standard deviation of each parameter by its prior, and the white noise if the data
+    sheet states one. The stage of each is ``prior``. `device` is a DeviceResults with a final
+    calibration, and `sensor` the name of the sensor.
     """
     rows, final = [], getattr(device.calibrations["final"], sensor)
     for parameter, (quantity, axis) in PARAMETERS.items():
@@ -100,9 +111,11 @@ def prior_values(device, sensor):
 
 
 def noise_values(device):
-    """Return the `Value` of each noise coefficient: as logged, before and after the correction.
+    """Return the `Value` of each noise coefficient of a DeviceResults, `device`, a list.
 
-    `device` is the DeviceResults. The correction subtracts the effects from static records.
+    Its stage is ``logged`` for the noise of all samples as logged. If the diagnosis has static
+    records, there are also ``before`` and ``after``: the noise of these records before and after
+    the effects were subtracted.
     """
     rows = []
     for sensor in SENSORS:
@@ -123,10 +136,11 @@ def noise_values(device):
 
 
 def residual_values(device):
-    """Return the `Value` of the held-out errors of poses, and of their floors.
+    """Return the held-out errors of poses and their floors, a list of `Value`.
 
-    The quantity ``residual`` is the error of the same kind for all devices. The quantity ``quoted``
-    is the error of the kind that the verdict quotes.
+    The floor is the error from noise alone. The quantity ``residual`` is the kind of error that a
+    user notices first, the same for all devices. The quantity ``quoted`` is the kind of error that
+    the verdict of this device quotes. `device` is a DeviceResults.
     """
     rows = []
     for sensor in SENSORS:
@@ -143,14 +157,15 @@ def residual_values(device):
 
 
 def select(rows, **keys):
-    """Return the rows that have the given values in their columns."""
+    """Return those of `rows`, a list of `Value`, whose fields equal `keys`: ``stage="final"``."""
     return [row for row in rows if all(getattr(row, k) == v for k, v in keys.items())]
 
 
 def worst(rows):
-    """Return the row with the largest value, and the largest upper limit above it, or None each.
+    """Return the `Value` with the largest value, and the one with the largest upper limit above it.
 
-    `rows` are the `Value` of a quantity on several axes.
+    `rows` are the `Value` of one quantity on several axes. An axis whose value is not known has an
+    upper limit. Each result is None if no axis has it.
     """
     values = [row for row in rows if not missing(row.value)]
     limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]

@@ -9,7 +9,7 @@ NO_NUMBER = "—"
 
 
 def missing(value):
-    """Return whether a value is None or not finite."""
+    """Return whether a value, a number or None, is None or not finite."""
     return value is None or not math.isfinite(value)
 
 
@@ -19,7 +19,7 @@ def _exponent(value):
 
 
 def _fixed(value, decimals):
-    """Return a number as text with `decimals` decimals; −1 rounds to tens, and so on."""
+    """Return `value` as text with `decimals` decimals; −1 rounds to tens, −2 to hundreds."""
     text = f"{round(value, decimals):,.{max(decimals, 0)}f}".replace(",", "\u202f")
     if not text.strip("-0.\u202f"):
         text = text.lstrip("-")
@@ -32,17 +32,20 @@ def typeset(unit):
 
 
 def superscript(exponent):
-    """Return an integer in raised digits."""
+    """Return an integer, `exponent`, as text in raised digits: ⁻³ for −3."""
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _tens(exponent):
-    """Return the text of a power of ten that follows a number: × 10³."""
+    """Return the text of a power of ten that follows a number: " × 10³" for the `exponent` 3."""
     return f"\u202f×\u202f10{superscript(exponent)}"
 
 
 def number(value, digits=3):
-    """Return a number as text with `digits` significant digits."""
+    """Return a number as text with `digits` significant digits.
+
+    `value` is the number; None or a number that is not finite gives a dash.
+    """
     if missing(value):
         return NO_NUMBER
     if value == 0:
@@ -55,9 +58,10 @@ def number(value, digits=3):
 
 
 def with_sigma(value, sigma, factor=1.0):
-    """Return ``value ± σ`` times `factor` as text: σ to two digits, the value to the same place.
+    """Return ``value ± σ`` as text: σ to two digits, the value to the same decimal place.
 
-    Without a σ the text has only the value.
+    `value` and its standard error `sigma`, σ, are both multiplied by `factor`, from SI to the unit
+    that is shown. Without a σ the text has only the value; without a value it is a dash.
     """
     if missing(value):
         return NO_NUMBER
@@ -75,23 +79,27 @@ def with_sigma(value, sigma, factor=1.0):
 
 
 def with_unit(text, unit):
-    """Return a number with its unit; a degree sign stands close to it."""
+    """Return `text`, a number, followed by its `unit`; a thin space is between unless it is °."""
     return f"{text}{'' if unit == '°' else chr(0x202F)}{unit}"
 
 
 def probability(p):
-    """Return a p-value as text; a value below 1e-10 is not given exactly."""
+    """Return a p-value, `p`, as text to two digits, or as "< 10⁻¹⁰" if it is below 1e-10."""
     return f"<\u202f10{superscript(-10)}" if not missing(p) and p < 1e-10 else number(p, 2)
 
 
 def p_text(p):
-    """Return a p-value with its letter: p = 0.03, p < 10⁻¹⁰."""
+    """Return a p-value, `p`, as text with its letter: p = 0.03, p < 10⁻¹⁰."""
     text = probability(p)
     return f"p {text}" if text.startswith("<") else f"p\u202f=\u202f{text}"
 
 
 def percent(share):
-    """Return a share in per cent as text; a share below 1 that rounds to 100 % gives > 99 %."""
+    """Return a share, a number from 0 to 1, in per cent as text to two digits.
+
+    A share below 1 that rounds to 100 % gives "> 99 %". None or a number that is not finite gives a
+    dash.
+    """
     if missing(share):
         return NO_NUMBER
     text = number(share * 1e2, 2)
@@ -99,7 +107,10 @@ def percent(share):
 
 
 def duration(seconds, digits=3):
-    """Return a duration as text in s, min or h."""
+    """Return a duration, `seconds`, as text in s, min or h, with `digits` significant digits.
+
+    The text is a dash if the duration is None or not finite.
+    """
     if missing(seconds):
         return NO_NUMBER
     for unit, size in (("h", HOUR), ("min", 60.0)):
@@ -109,15 +120,19 @@ def duration(seconds, digits=3):
 
 
 def sigma_of(coefficient):
-    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None if it has no interval."""
+    """Return 1 σ of a noise coefficient from its 95 % interval, None if it has no interval.
+
+    `coefficient` is a `Coefficient`; its interval is taken as ± 1.96 σ.
+    """
     low, high = coefficient.ci95 or (None, None)
     return None if low is None else (high - low) / (2 * 1.959964)
 
 
 def value_text(value, std, upper95=None, factor=1.0):
-    """Return the text ``value ± σ``, or the 95 % upper limit of a missing value.
+    """Return the text ``value ± σ``, or "< limit" if there is no value but its 95 % upper limit.
 
-    `std` is σ and `upper95` the limit; all numbers are multiplied by `factor`.
+    `std` is σ and `upper95` the limit; without both value and limit the text is a dash. All numbers
+    are multiplied by `factor`, from SI to the unit that is shown.
     """
     if not missing(value):
         return with_sigma(value, std, factor)
@@ -125,12 +140,20 @@ def value_text(value, std, upper95=None, factor=1.0):
 
 
 def coefficient_text(coefficient, factor=1.0):
-    """Return a noise `Coefficient`, times `factor`, as ``value ± σ`` or as its 95 % upper limit."""
+    """Return a noise `Coefficient` as text: ``value ± σ``, or "< limit" if it has no value.
+
+    The limit is its 95 % upper limit. `factor` converts its numbers from SI to the unit that is
+    shown.
+    """
     return value_text(coefficient.value, sigma_of(coefficient), coefficient.upper95, factor)
 
 
 def interval_text(interval, factor=1.0):
-    """Return an interval times `factor` as text, ``low to high``, to two digits of its width."""
+    """Return an interval as text, ``low to high``, to two digits of its width.
+
+    `interval` is a pair of numbers, which are multiplied by `factor`, from SI to the unit that is
+    shown. If it is None, or an end is missing, the text is a dash.
+    """
     if not interval or any(map(missing, interval)):
         return NO_NUMBER
     low, high = (end * factor for end in interval)
@@ -139,7 +162,7 @@ def interval_text(interval, factor=1.0):
 
 
 def text_of(value):
-    """Return a value of a result file as a short text, for values of any type."""
+    """Return a value of a result file as a short text; `value` may be of any type of JSON."""
     if value is None:
         return NO_NUMBER
     if isinstance(value, bool):

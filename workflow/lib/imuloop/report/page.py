@@ -25,7 +25,10 @@ PARTS = ("verdict", "diagnosis", "calibration", "noise", "data")
 
 
 def effect_words(effect):
-    """Return the words for an effect, a mapping with its ``name`` and perhaps its ``constants``."""
+    """Return the words for an effect of a sensor, such as "bias over temperature".
+
+    `effect` is a mapping with its ``name`` and perhaps its ``constants``, as in diagnosis.json.
+    """
     constants = effect.get("constants") or {}
     if "formula" in constants:
         return f"{constants['formula']} on {constants['axis']}"
@@ -34,9 +37,10 @@ def effect_words(effect):
 
 @cache
 def environment(escape):
-    """Return the environment of the templates; a missing value is an error.
+    """Return the jinja2 environment with the report's templates, functions and filters.
 
-    If `escape`, every text is escaped, as in HTML.
+    A name in a template without a value is an error. If `escape`, every text is escaped, as in
+    HTML.
     """
     jinja = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -54,12 +58,18 @@ def environment(escape):
 
 
 def shown(value, unit, digits=3):
-    """Return an SI value with the SI `unit` as text in the unit of data sheets."""
+    """Return a value with its unit as text, in the unit that data sheets use.
+
+    `value` is in SI, `unit` is its SI unit, and `digits` the number of significant digits.
+    """
     return data_sheet(unit).text(value, digits)
 
 
 def valued(text):
-    """Return the text of a cell as HTML in which its standard error, limit or tolerance is grey."""
+    """Return the `text` of a table cell as HTML in which its standard error or limit is grey.
+
+    The grey part is "± σ" after a value, or the whole text if it has only a limit or a tolerance.
+    """
     if text.startswith(("<\u202f", "±")):
         return Markup("<small>{}</small>").format(text)
     value, sign, error = text.partition("\u202f±")
@@ -67,7 +77,10 @@ def valued(text):
 
 
 def phrase(code, **values):
-    """Return a sentence of the report: the macro `code` of ``phrases.j2`` with these `values`."""
+    """Return a sentence of the report from a macro of the template ``phrases.j2``.
+
+    `code` is the name of the macro, and `values` are its arguments.
+    """
     macro = getattr(environment(escape=False).get_template("phrases.j2").module, code)
     text = re.sub("[ \n]+", " ", macro(**values))
     return re.sub(" ([.,;:?)])", r"\1", text).strip()
@@ -79,14 +92,18 @@ def sentence(text):
 
 
 def write(path, template, **values):
-    """Write an HTML file: the template `template`, filled with `values`."""
+    """Write an HTML file to `path`: the `template`, a file name, filled with `values` by name."""
     html = environment(escape=True).get_template(template).render(**values)
     with replaced(path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
 
 
 def write_page(path, template, **values):
-    """Write a page that needs no other file, from a template that extends ``page.html.j2``."""
+    """Write an HTML page that needs no other file, because style and script are inside it.
+
+    `path` is the path of the page. `template` is the file name of a template that extends
+    ``page.html.j2``, and `values` are its values by name.
+    """
     style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "page.js"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     looks = {"style": Markup(style), "script": Markup(script), "script_hash": f"sha256-{digest}"}

@@ -23,7 +23,11 @@ KINDS = (*OF_DEVICE, *OF_SESSION, *OF_RECORD)
 
 
 def pictures(device, kind):
-    """Return the Pictures of a DeviceResults of one kind, a list; `kind` is one of `KINDS`."""
+    """Return the Pictures of one kind, such as ``allan``, a list.
+
+    `device` is a DeviceResults, all results of one device, and `kind` is one of `KINDS`. The list
+    is empty if the results have nothing to draw.
+    """
     if kind in OF_DEVICE:
         return OF_DEVICE[kind](device)
     if kind in OF_SESSION:

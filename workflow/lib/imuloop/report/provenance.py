@@ -25,9 +25,10 @@ def provenance(release, repository, command, config):
 
 
 def commit(repository):
-    """Return the git commit of a checkout, a text, or the installed version of imuloop.
+    """Return the git commit of the workflow as text, or the version of imuloop if it is installed.
 
-    The text says if files differ from the commit, and if the commit is not known.
+    `repository` is the folder of the workflow. The text says if files differ from the commit, and
+    if the commit is not known.
     """
     if not (Path(repository) / "Snakefile").exists():
         try:
@@ -43,7 +44,11 @@ def commit(repository):
 
 
 def run_git(repository, *command):
-    """Return the output of a git command in a checkout, even if another user owns it."""
+    """Return the output of a git command, text.
+
+    `repository` is the folder of a checkout, which may belong to another user, and `command` are
+    the words after ``git``. Raises a CalledProcessError if git fails.
+    """
     git = ["git", "-c", f"safe.directory={repository}", "-C", str(repository)]
     done = subprocess.run([*git, *command], check=True, capture_output=True, text=True)
     return done.stdout.strip()

@@ -23,21 +23,24 @@ TOGETHER = 10
 
 
 def write_report(folders, provenance, report_path, comparison_path, family_path=None, failures=()):
-    """Write the report and the comparison of all devices.
+    """Write the report of all devices, an HTML file, and the table that compares them, a CSV file.
 
     Parameters
     ----------
     folders : sequence of Path
-        Complete results of each device, in the order to show them.
+        Folder of each device with complete results, in the order to show them.
     provenance : dict
         Origin of the report: `imuloop` (its version), `commit`, `command`, `versions`, `config`
         (resolved), …; single values become rows of a table, mappings are printed as YAML.
-    report_path, comparison_path : path-like
-        HTML and CSV file to write; pictures of all devices go into ``figures`` next to the latter.
+    report_path : path-like
+        HTML file to write.
+    comparison_path : path-like
+        CSV file to write. Pictures that compare devices go into ``figures`` next to it.
     family_path : path-like, optional
         Path of family.json, if devices name their type.
     failures : list of imuloop.failures.Failure
-        One for each device without complete results. The report shows them first.
+        Why results are missing, at least one for each device without complete results. The report
+        shows them first.
     """
     folders = [Path(folder) for folder in folders]
     devices = [read_json(folder / "summary.json") for folder in folders]
@@ -92,19 +95,19 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
 
 
 def _section(folder):
-    """Return the HTML of a device without the reasons of rejected sessions.
+    """Return the HTML of a device in the report, from section.html in its results `folder`.
 
-    The report itself gives these reasons.
+    The reasons of rejected sessions are left out, as the report gives them at its beginning.
     """
     text = (folder / "section.html").read_text("utf-8")
     return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
 
 
 def verdict_lines(folders):
-    """Return lines of text with the verdicts of each device, or of each group of devices.
+    """Return lines of text with the verdicts of each device, a list.
 
-    `folders` are the folders of the devices' results. More than `TOGETHER` devices are grouped by
-    equal verdicts.
+    `folders` are the folders of the devices' results. With more than `TOGETHER` devices, a line
+    stands for all devices with equal verdicts, and has their number instead of their names.
     """
     devices = [read_json(Path(folder) / "summary.json") for folder in folders]
     if len(devices) <= TOGETHER:
@@ -122,7 +125,11 @@ def verdict_lines(folders):
 
 
 def _filled(content):
-    """Return a mapping without keys whose values are empty, at any depth."""
+    """Return `content` without keys whose values are empty, at any depth, if it is a mapping.
+
+    Other content is returned as it is. A value is empty if it is None, an empty text, list or
+    mapping.
+    """
     if not isinstance(content, Mapping):
         return content
     kept = {key: _filled(value) for key, value in content.items()}

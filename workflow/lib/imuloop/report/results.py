@@ -24,7 +24,12 @@ CALIBRATIONS = {
 
 @dataclass(frozen=True)
 class SessionResults:
-    """One session of a device; `source` is the metadata of its samples."""
+    """The result files of one session of a device, read.
+
+    `quality` is the content of quality.json, `source` the metadata of samples.parquet, `segments`
+    the table of rests, moves and gaps, and `segmentation` its counts. `allan` and `spectra` are the
+    tables of Allan deviations and of power spectral densities.
+    """
 
     name: str
     kind: str
@@ -38,21 +43,21 @@ class SessionResults:
 
     @property
     def rejected(self):
-        """Whether the session could not be used."""
+        """Whether ingest rejected the log of the session, so that it was not used."""
         return self.quality["status"] != "ok"
 
     @property
     def reasons(self):
-        """The reasons why the session could not be used."""
+        """The reasons, texts, for which ingest rejected the log; empty for a session in use."""
         return self.quality["reasons"]
 
     @property
     def poses(self):
-        """Number of attitudes in which the device rested."""
+        """Number of poses, different attitudes in which the device rested."""
         return self.segments["pose"][self.segments["pose"] >= 0].nunique()
 
     def seconds(self, kind):
-        """Return the length of all segments of a kind, s."""
+        """Return the total length of the segments of one `kind`, s; `STATIC` are the rests."""
         s = self.segments[self.segments["kind"] == kind]
         return float((s["end_s"] - s["start_s"]).sum())
 
@@ -64,7 +69,12 @@ class SessionResults:
 
 @dataclass(frozen=True)
 class DeviceResults:
-    """All results of one device; `calibrations` by method, as in `CALIBRATIONS`."""
+    """All result files of one device, read.
+
+    `calibrations` are by method, as in `CALIBRATIONS`. `noise` and `diagnosis` are the contents of
+    noise.json and diagnosis.json. `poses`, `moves` and `reference` are the tables of the residuals
+    of poses, of moves, and of windows that are compared with a reference.
+    """
 
     name: str
     label: str
@@ -80,23 +90,23 @@ class DeviceResults:
 
     @property
     def simulated(self):
-        """Whether any of its logs was made by a computer."""
+        """Whether any log of the device was simulated."""
         return any(s.quality["simulated"] for s in self.sessions)
 
     @property
     def title(self):
-        """The label; for a simulated device it has the word ``simulated``."""
+        """The label of the device; a simulated device has "(simulated)" or such a label."""
         plain = not self.simulated or "simulated" in self.label.lower()
         return self.label if plain else f"{self.label} (simulated)"
 
     @property
     def used(self):
-        """The sessions that were not rejected."""
+        """The SessionResults of the sessions whose logs were not rejected, a tuple."""
         return tuple(s for s in self.sessions if not s.rejected)
 
     @cached_property
     def axes(self):
-        """Noise of each channel, an `AxisNoise`."""
+        """The noise of each channel, a dict of `AxisNoise` by channel, ``ax`` to ``gz``."""
         return axes_of(self.noise.get("axes", {}))
 
     @property
@@ -106,20 +116,27 @@ class DeviceResults:
 
 
 def axes_of(content):
-    """Return the AxisNoise of each channel; without terms for a channel that noise.json lacks.
+    """Return the noise of each channel, a dict of AxisNoise by channel, ``ax`` to ``gz``.
 
-    `content` is the entry ``axes`` of noise.json.
+    `content` is the entry ``axes`` of noise.json. A channel that it lacks gets an AxisNoise without
+    terms.
     """
     return {c: AxisNoise.from_dict(content[c]) if c in content else AxisNoise() for c in CHANNELS}
 
 
 def of_axes(values, sensor):
-    """Return (axis, value) for each channel of a sensor, a list; `values` are by channel."""
+    """Return (axis, value) for each axis of a sensor, a list; a missing channel has the value None.
+
+    `values` is a dict by channel, ``ax`` to ``gz``, and `sensor` the name of the sensor.
+    """
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
 def read_device(device):
-    """Return the `DeviceResults` of a `chain.Device`, from its result files."""
+    """Return the `DeviceResults` of a device: the content of all its result files.
+
+    `device` is the `chain.Device`, whose folder has the files.
+    """
     folder = Path(device.folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
     return DeviceResults(
@@ -138,9 +155,10 @@ def read_device(device):
 
 
 def _session(folder, kind, spectra):
-    """Return the SessionResults of the session in a folder, a Path.
+    """Return the SessionResults of one session: the content of its result files.
 
-    `kind` is the kind of the session, and `spectra` the content of spectra.parquet, all sessions.
+    `folder` is the folder of the session, a Path, `kind` the kind of the session, such as
+    ``static``, and `spectra` the table of spectra.parquet, which has the rows of all sessions.
     """
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
     return SessionResults(

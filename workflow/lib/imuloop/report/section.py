@@ -22,9 +22,10 @@ from imuloop.report.results import SENSORS, read_device
 
 
 def write_section(device):
-    """Write the section, page, summary.json and figures of a `chain.Device` into its folder.
+    """Write the part of a device in the report, and its page, summary.json and figures.
 
-    Its label is shown as plain text, never as markup.
+    `device` is the `chain.Device`, into whose folder the files are written. Its label is shown as
+    plain text, never as markup.
     """
     device = read_device(device)
     if device.figures.exists():
@@ -46,7 +47,7 @@ def write_section(device):
 
 
 def _inside(values):
-    """Return all Pictures in nested dicts and lists, a list."""
+    """Return all Pictures in `values`, a dict or list that may contain more of these, as a list."""
     if isinstance(values, Picture):
         return [values]
     parts = values.values() if isinstance(values, dict) else values
@@ -54,16 +55,17 @@ def _inside(values):
 
 
 def content(device):
-    """Return the values of the template of a device's section, a dict.
+    """Return the values that fill the template of a device's section in the report, a dict.
 
-    `device` is the DeviceResults.
+    `device` is a DeviceResults, all results of one device.
     """
     final = device.calibrations["final"]
 
     def of_sensors(make):
-        """Return the tables, a list, that the function `make` returns for the sensors.
+        """Return the tables of all sensors, a list; a sensor without a table is left out.
 
-        A sensor without a table is left out.
+        `make` is a function that takes a DeviceResults and the name of a sensor, and returns a
+        Table or None.
         """
         return [table for sensor in SENSORS if (table := make(device, sensor))]
 
@@ -95,9 +97,10 @@ def content(device):
 
 
 def diagnosis_part(device, block):
-    """Return the values of the template for one diagnosis, a dict.
+    """Return the values that fill the template for one diagnosis, a dict.
 
-    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it.
+    `device` is a DeviceResults, and `block` the diagnosis of a sensor in one kind of data, as
+    `block_of` returns it.
     """
     tables = [effect_tables.steps_table(block)]
     tables += [effect_tables.effect_table(block, effect) for effect in block["effects"]]

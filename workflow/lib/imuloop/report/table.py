@@ -9,14 +9,14 @@ from imuloop.report.numbers import (
 
 
 class Sized(str):
-    """The text of a cell, with the number by which its column is sorted, `value`, or None.
+    """The text of a table cell, with the number `value` by which its column is sorted, or None.
 
-    A cell of a matrix also has a `share`: its value over the largest magnitude, −1 to 1. The page
-    colours the cell by it.
+    A cell of a matrix also has a `share`, by which the page colours the cell: its value over the
+    largest magnitude in the matrix, −1 to 1. Other cells have None.
     """
 
     def __new__(cls, text, value, share=None):
-        """Return the text with its value and share."""
+        """Return the cell with this `text`, the number `value` or None, and the `share` or None."""
         cell = super().__new__(cls, text)
         cell.value = None if missing(value) else f"{value:.6g}"
         cell.share = share
@@ -27,9 +27,10 @@ class Sized(str):
 class Table:
     """A table of the report; the first cell of each row names the row.
 
-    Headers give the units, or the caption does if all cells share one; the note explains the
-    numbers. In a `dense` table the text of cells may break into lines. A reader sorts the rows of a
-    `sortable` table by the values of `Sized` cells, or by their text.
+    `columns` are the headers, which give the units, unless the `caption` gives one unit for all
+    cells. The `note` explains the numbers. In a `dense` table the text of cells may break into
+    lines. A `sortable` table can be sorted by a reader, by the values of `Sized` cells or by the
+    text of others.
     """
 
     caption: str
@@ -43,8 +44,9 @@ class Table:
 def shade(value, sigma, largest, display):
     """Return the cell of an element of a matrix, coloured if the element exceeds 2 σ.
 
-    `value`, its standard error `sigma` and `largest`, the largest magnitude in the matrix, are in
-    SI; `display` is the Display of the cell.
+    `value` is the element, `sigma` its standard error σ or None, and `largest` the largest
+    magnitude in the matrix, all in SI. `display` is the Display of the cell, the unit in which it
+    is shown.
     """
     share = value / largest if abs(value) > 2 * (sigma or 0.0) else 0.0
     return Sized(with_sigma(value, sigma, display.factor), value, share)

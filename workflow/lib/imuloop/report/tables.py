@@ -33,7 +33,8 @@ OVER = 60.0
 def parameter_table(device, sensor):
     """Return the Table of bias and scale factors of a sensor, a column per calibration method.
 
-    `device` is the DeviceResults. The result is None if no method estimated a parameter.
+    `device` is a DeviceResults, and `sensor` the name of the sensor. The result is None if no
+    method estimated a parameter.
     """
     # a method that estimated nothing has no column; the page says why above the table
     methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
@@ -74,7 +75,8 @@ def parameter_table(device, sensor):
 def misalignment_table(device, sensor):
     """Return the Table of the misalignment matrix of a sensor, by the final calibration.
 
-    `device` is the DeviceResults. The result is None if no misalignment was estimated.
+    `device` is a DeviceResults, and `sensor` the name of the sensor. The result is None if no
+    misalignment was estimated.
     """
     values = select(calibration_values(device.calibrations), stage="final", sensor=sensor)
     values = select(values, quantity="misalignment")
@@ -92,16 +94,17 @@ def misalignment_table(device, sensor):
 
 
 def _equal(one, other):
-    """Return whether two SensorCalibrations have the same method and parameters."""
+    """Return whether two SensorCalibrations, `one` and `other`, have equal method, T, K and b."""
     pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
     return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def wander(noise, interval, length):
-    """Return the standard deviation of the change of the bias over `interval` seconds, SI.
+    """Return the standard deviation of the change of a bias over `interval` seconds, SI.
 
-    The bias at a time is the mean of the output over `length` s from this time on. `noise` is an
-    AxisNoise, of which only flicker, random walk and Gauss-Markov processes count.
+    The bias at a time is the mean of the output over the next `length` s. `noise` is the AxisNoise
+    of the channel; only its flicker, random walk and Gauss-Markov processes count, not its white
+    noise.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -109,10 +112,10 @@ def wander(noise, interval, length):
 
 
 def _after_an_hour(device, sensor):
-    """Return a text on the growth of the standard error of the bias of a sensor in an hour.
+    """Return a text on how far the biases of a sensor may change in an hour, 1 σ by axis.
 
-    `device` is the DeviceResults. The text is empty if no axis has flicker, random walk or a
-    Gauss-Markov process.
+    `device` is a DeviceResults, and `sensor` the name of the sensor. The text is empty if no axis
+    has flicker, random walk or a Gauss-Markov process.
     """
     sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
@@ -123,10 +126,10 @@ def _after_an_hour(device, sensor):
 
 
 def reasons(device):
-    """Return the reasons for missing calibrations, a list of (method, sensor, reason).
+    """Return why parts of the calibration are missing, a list of (method, sensor, reason).
 
-    `device` is the DeviceResults. A reason that a verdict already gives is left out. A reason of
-    the final calibration is also left out if another method already gives it.
+    `device` is a DeviceResults. A reason that a verdict already gives is left out. So is a reason
+    of the final calibration that another method already gives.
     """
     told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
     lines = {}
@@ -140,9 +143,10 @@ def reasons(device):
 
 
 def model_table(device, sensor):
-    """Return the Table of T, K and b of a sensor, as calibration.json has them.
+    """Return the Table of the final model of a sensor: T, K and b, as calibration.json has them.
 
-    `device` is the DeviceResults.
+    T is the misalignment matrix, K are the scale factors and b the biases, in ``x = T (K (raw − b)
+    − e)``. `device` is a DeviceResults, and `sensor` the name of the sensor.
     """
     s = getattr(device.calibrations["final"], sensor)
     unit = typeset(s.raw_unit.name)
@@ -157,14 +161,17 @@ def model_table(device, sensor):
 
 
 def noise_words(sensor, term):
-    """Return the words for a noise coefficient, `term`, such as N, of a sensor."""
+    """Return the words for a noise coefficient of a sensor, such as "angle random walk".
+
+    `sensor` is the name of the sensor, and `term` the symbol of the coefficient, such as N.
+    """
     return WORDS["noise"][term].format(white=WORDS["white"][sensor], walk=WORDS["walk"][sensor])
 
 
 def coefficient_table(device, sensor):
     """Return the Table of the noise coefficients of a sensor, a column per axis.
 
-    `device` is the DeviceResults.
+    `device` is a DeviceResults, and `sensor` the name of the sensor.
     """
     values, rows = select(noise_values(device), sensor=sensor, stage="logged"), []
     typical = device.data_sheet.get("noise", {}).get(sensor)

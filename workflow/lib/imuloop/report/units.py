@@ -8,17 +8,23 @@ from imuloop.report.numbers import missing, number, typeset, with_unit
 
 @dataclass(frozen=True)
 class Display:
-    """A unit as printed, and how many of it an SI unit is: ``shown = SI * factor``."""
+    """A unit as printed, and the `factor` from SI to this unit: ``shown = SI * factor``."""
 
     unit: str
     factor: float
 
     def size(self, value, digits=3):
-        """Return an SI value as a number in this unit, or a dash if it is missing."""
+        """Return a value in this unit as text without the unit; a dash if it is None or not finite.
+
+        `value` is in SI, and `digits` is the number of significant digits.
+        """
         return number(None if missing(value) else value * self.factor, digits)
 
     def text(self, value, digits=3):
-        """Return an SI value as a number with this unit, or a dash if it is missing."""
+        """Return a value in this unit as text with the unit; the number is a dash if it is missing.
+
+        `value` is in SI, and `digits` is the number of significant digits.
+        """
         return with_unit(self.size(value, digits), self.unit)
 
 
@@ -89,15 +95,18 @@ QUANTITIES = {
 
 
 def data_sheet(unit):
-    """Return the Display of values with an SI unit: the unit of data sheets, or the SI unit."""
+    """Return the Display in which values are shown: the unit of data sheets, or else the SI unit.
+
+    `unit` is the SI unit of the values as text, such as ``rad/s``; None is shown as "SI".
+    """
     return _DATA_SHEET.get(unit) or Display(typeset(unit or "SI"), 1.0)
 
 
 def spans(values, units):
-    """Return for each unit a text with the least and the greatest of its values, a list.
+    """Return the range of values as text, a list with a text for each unit, such as 2 to 5 ppm.
 
-    `values` are SI values by name, and `units` their SI units by the same names. Numbers have two
-    digits.
+    `values` are SI values by name, and `units` their SI units by the same names. A text has the
+    least and the greatest value of a unit, to two digits. Missing values are left out.
     """
     by_unit = {}
     for name, value in values.items():

@@ -17,9 +17,10 @@ VALUED = "NBK"
 
 
 def curve(allan, channel, stage="corrected"):
-    """Return the Allan curve of a channel: rows of allan.parquet, sorted by averaging time.
+    """Return the Allan curve of a channel: its rows of allan.parquet, sorted by averaging time.
 
-    `allan` has all rows of allan.parquet, a DataFrame. `stage` is ``raw`` or ``corrected``. If this
+    `allan` has all rows of allan.parquet, a DataFrame, and `channel` is ``ax`` to ``gz``. `stage`
+    is ``raw`` for samples as logged, or ``corrected`` for samples without the effects. If this
     stage has no rows, the rows of the stage ``raw`` are returned.
     """
     rows = allan[(allan["axis"] == channel) & (allan["adev"] > 0)]
@@ -28,15 +29,18 @@ def curve(allan, channel, stage="corrected"):
 
 
 def longest_curve_first(sessions):
-    """Return the sessions with an Allan curve, the longest averaging time first."""
+    """Return those of the SessionResults `sessions` that have an Allan curve, a list.
+
+    The session whose curve has the longest averaging time comes first.
+    """
     return sorted((s for s in sessions if len(s.allan)), key=lambda s: -s.allan["tau_s"].max())
 
 
 def draw_curve(area, rows, unit, **looks):
-    """Draw an Allan curve with its 95 % band on the Axes `area`.
+    """Draw an Allan curve with its 95 % band on the matplotlib Axes `area`.
 
-    `rows` is the result of `curve`, `unit` is the Display of the values, and `looks` are the
-    arguments of matplotlib for the line.
+    `rows` is the result of `curve`, `unit` is the Display of the values, the unit to show, and
+    `looks` are the arguments of matplotlib for the line.
     """
     tau, ends = rows["tau_s"], (unit.factor * rows[end] for end in ("ci_low", "ci_high"))
     area.loglog(tau, unit.factor * rows["adev"], **looks)
@@ -44,11 +48,12 @@ def draw_curve(area, rows, unit, **looks):
 
 
 def draw_model(area, tau, noise, sensor, lowest):
-    """Draw the Allan deviation of an `AxisNoise`, `noise`, and of each of its terms.
+    """Draw the Allan deviation of a noise model, and of each of its terms, on the Axes `area`.
 
-    `area` is the Axes, `tau` are averaging times in rising order, s, and `sensor` is the name of
-    the sensor. The letter of a term stands where the term is largest above the level `lowest`, SI,
-    and nowhere if it is not above it. The letters N, B and K are followed by their values.
+    `noise` is the AxisNoise, the model of one channel, `tau` are averaging times in rising order,
+    s, (k,), and `sensor` is the name of the sensor. The letter of a term stands where the term is
+    largest above the value `lowest`, SI, and nowhere if it is not above it. The letters N, B and K
+    are followed by their values.
     """
     factor = QUANTITIES[sensor]["B"].factor
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
@@ -78,8 +83,9 @@ def taken_by_filter(noise, tau):
     .. math:: \int_0^{r/2} 4 N^2 [1 - G(f)] \frac{\sin^4 \pi f \tau}{(\tau r \sin \pi f/r)^2} df
 
     G(f) is the power gain of the filter at the frequency f, N the white noise, r the sampling rate.
-    `noise` is the AxisNoise, and `tau` are the averaging times τ, s, (k,); the first is the
-    sampling interval 1/r. The result is in SI units squared.
+    `noise` is the AxisNoise of a channel, which has N and the filter, and `tau` are the k averaging
+    times τ, s, (k,); the first is the sampling interval 1/r. The result is in SI units squared, and
+    zero without a filter.
     """
     if not noise.low_pass:
         return np.zeros(len(tau))
@@ -93,9 +99,9 @@ def taken_by_filter(noise, tau):
 
 
 def allan_pictures(device, session):
-    """Return the Pictures of the Allan deviation in a session, a list: one for each sensor.
+    """Return the Pictures of the Allan deviation in a session, one for each sensor, a list.
 
-    `device` is the DeviceResults, and `session` one of its SessionResults.
+    `device` is a DeviceResults, and `session` one of its SessionResults.
     """
     name = f"{device.name}.{session.name}"
     pictures = (
@@ -105,11 +111,11 @@ def allan_pictures(device, session):
 
 
 def allan_picture(name, session, sensor, allan, axes):
-    """Return the picture of a sensor's Allan deviation as logged; None if no value is above 0.
+    """Return the Picture of a sensor's Allan deviation as logged; None if no value is above zero.
 
-    `name` is the first part of the name of the Picture, `session` the name of the session, `sensor`
-    the name of the sensor, `allan` are the rows of allan.parquet, and `axes` is a dict of AxisNoise
-    by channel.
+    `name` is the first part of the name of the Picture, `session` the name of the session, and
+    `sensor` the name of the sensor. `allan` are the rows of allan.parquet of the session, a
+    DataFrame. `axes` is the noise model, a dict of AxisNoise by channel.
     """
     curves = {c: curve(allan, c, "raw") for c in SENSORS[sensor]}
     if not any(len(r) for r in curves.values()):
@@ -117,7 +123,7 @@ def allan_picture(name, session, sensor, allan, axes):
     unit = QUANTITIES[sensor]["B"]
 
     def plot(areas):
-        """Draw measured curve, model and terms of each axis on its area."""
+        """Draw the measured curve, the model and its terms; `areas` are the Axes of x, y and z."""
         ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
         low = min(v[v > 0].min() for v in ends if (v > 0).any())
         high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
@@ -142,10 +148,11 @@ def allan_picture(name, session, sensor, allan, axes):
 
 
 def corrected_pictures(device, block):
-    """Return a Picture for each session whose Allan deviation the added effects changed, a list.
+    """Return the Pictures of the Allan deviation before and after effects are corrected, a list.
 
-    `device` is the DeviceResults, and `block` a diagnosis, as `block_of` returns it. The list is
-    empty if the diagnosis is not of static records.
+    There is one for each session whose Allan deviation the added effects changed. The list is empty
+    if the diagnosis is not of static records. `device` is a DeviceResults, and `block` the
+    diagnosis of a sensor, as `block_of` returns it.
     """
     if block["part"] != "static_record" or not block["effects"]:
         return []
@@ -160,7 +167,10 @@ def corrected_pictures(device, block):
             continue
 
         def plot(area, curves=curves):
-            """Draw the curves of three axes, as logged and corrected."""
+            """Draw the curves of three axes, as logged and corrected, on the Axes `area`.
+
+            `curves` has for each axis the two curves, results of `curve`.
+            """
             for colour, (axis, (raw, after)) in zip(AXES, curves.items(), strict=True):
                 draw_curve(area, after, unit, color=colour, label=axis)
                 area.loglog(raw["tau_s"], unit.factor * raw["adev"], color=colour, ls=":", lw=1.6)

@@ -11,9 +11,11 @@ COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 
 
 def attitude_finding(device):
-    """Return a text with the result of the validation by attitude of a DeviceResults.
+    """Return a text with the result of the validation by attitude.
 
-    If there is no result, it has the reason; it is empty if the diagnosis already gives the reason.
+    The validation gives the error of gravity's direction by each model of the device. Without a
+    result the text has the reason; it is empty if the diagnosis already gives the reason. `device`
+    is a DeviceResults.
     """
     content = read_json(device.folder / "attitude.json")
     if content["status"] == "ok":
@@ -23,9 +25,10 @@ def attitude_finding(device):
 
 
 def attitude_pictures(device):
-    """Return the Picture of the error of gravity's direction by a filter, in a list.
+    """Return the Picture of the error of gravity's direction in an attitude filter, in a list.
 
-    `device` is the DeviceResults. The list is empty if there is no validation by a filter.
+    The filter runs on samples as logged and as calibrated. The list is empty if there is no such
+    validation. `device` is a DeviceResults.
     """
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok" or "filter" not in content["methods"]:
@@ -43,7 +46,11 @@ def attitude_pictures(device):
         words = {"raw": "as logged", "final": "base model, also the final one"}
 
     def plot(area):
-        """Draw the error of each model over time, a line per stretch."""
+        """Draw the error of each model over time on the Axes `area`, a line for each stretch.
+
+        A stretch is a part of the log, from a rest to a later rest, that the model was not fitted
+        to.
+        """
         for model, text in words.items():
             for _, r in rows[rows["model"] == model].groupby("stretch"):
                 looks = {"color": COLOURS[model], "ms": 3, "label": text}

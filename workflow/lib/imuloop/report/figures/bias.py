@@ -26,9 +26,11 @@ COLUMNS = ["session", "start_s", "floor", "values", "corrected"]
 
 
 def bias_pictures(device, block):
-    """Return a Picture of the bias over time, with its floor, for each static record, a list.
+    """Return the Pictures of the bias over time with its floor, one for each static record, a list.
 
-    `device` is the DeviceResults, and `block` a diagnosis, as `block_of` returns it.
+    The floor is the standard deviation that noise alone gives the plotted means. `device` is a
+    DeviceResults, and `block` the diagnosis of a sensor in static records, as `block_of` returns
+    it.
     """
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
     return [
@@ -37,10 +39,11 @@ def bias_pictures(device, block):
 
 
 def temperatures(session, start):
-    """Return the mean temperature over each of n windows, °C, (n,); None if it was not logged.
+    """Return the mean temperature over each of n windows of a session, °C, (n,).
 
-    `session` is the SessionResults, and `start` are the starts of the windows, s, (n,). All windows
-    have the same length, the median of the differences of `start`.
+    `session` is a SessionResults, and `start` are the starts of the windows, s, (n,). All windows
+    have the same length, the median of the differences of `start`. The result is None if no
+    temperature was logged or there is only one window; a window without temperature is nan.
     """
     if TEMPERATURE not in session.samples or len(start) < 2:
         return None
@@ -53,10 +56,11 @@ def temperatures(session, start):
 
 
 def _picture(device, session, points, block):
-    """Return the Picture of the bias over one static record.
+    """Return the Picture of the bias of a sensor over one static record.
 
-    `session` is the name of the session, and `points` has its rows of the list ``points`` in the
-    diagnosis `block`, a DataFrame.
+    `device` is a DeviceResults, `session` the name of the session, and `block` the diagnosis of the
+    sensor, as `block_of` returns it. `points` has the means over time of this session, a DataFrame:
+    its rows of the list ``points`` in the diagnosis.
     """
     sensor, display = block["sensor"], data_sheet(block["residuals"]["bias"]["unit"])
     t, floor = (points[k].to_numpy(float) for k in ("start_s", "floor"))
@@ -73,12 +77,19 @@ def _picture(device, session, points, block):
     warm = warmth is not None
 
     def line(area, y, colour, width=1.0, **looks):
-        """Draw a series y, (n,), over time as a line through the extreme values of its parts."""
+        """Draw the series `y` over time as a line through the extreme values of its equal parts.
+
+        `area` is the Axes, `y` has n values, (n,), `colour` and `width` are of the line, and
+        `looks` are further arguments of matplotlib.
+        """
         chosen = extremes(y, BUCKETS)
         area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, **looks)
 
     def plot(areas):
-        """Draw bias, floor and temperature over time."""
+        """Draw bias, floor and temperature over time.
+
+        `areas` are the Axes of x, y, z and temperature.
+        """
         for i, (area, axis) in enumerate(zip(areas, XYZ, strict=False)):
             words = "means" if after is None else "before"
             line(area, before[:, i] * display.factor, ORANGE, 1.4, label=words)
@@ -118,9 +129,11 @@ def _picture(device, session, points, block):
 
 
 def temperature_pictures(device, block):
-    """Return the Picture of the bias against temperature, in a list.
+    """Return the Picture of the bias against temperature, with the fitted curve, in a list.
 
-    It is empty if the diagnosis `block` has no effect `bias_temperature`.
+    The list is empty if the diagnosis has no effect `bias_temperature`. `device` is a
+    DeviceResults, and `block` the diagnosis of a sensor in static records, as `block_of` returns
+    it.
     """
     effect = next((e for e in block["effects"] if e["name"] == "bias_temperature"), None)
     points = pd.DataFrame(block.get("points", ()), columns=COLUMNS)
@@ -154,7 +167,10 @@ def temperature_pictures(device, block):
     spread = [numbers[f"{axis}_corrected"].std() for axis in XYZ]
 
     def plot(areas):
-        """Draw the bias of each axis against temperature, with the fitted curve."""
+        """Draw the bias against temperature, with the fitted curve.
+
+        `areas` are the Axes of x, y and z.
+        """
         for area, axis, curve, sigma in zip(areas, XYZ, fitted, spread, strict=True):
             fill(area, grid, *(display.factor * (curve + s * sigma) for s in (-1, 1)), INK)
             for rows in sessions:

@@ -16,9 +16,10 @@ ALONE = re.compile(r"<g>(<(?:path|text|use)[^<]*(?:/>|</text>))</g>")
 
 
 def compact(svg):
-    """Return the content of an SVG drawing as text, without the opening tag of its root element.
+    """Return the content of an SVG drawing as short text, without the tags of its root element.
 
-    Coordinates are rounded to a tenth of a pixel.
+    `svg` is the text of the drawing as matplotlib writes it. What the page sets for all drawings,
+    such as the font, is left out. Coordinates are rounded to a tenth of a pixel.
     """
     svg = GIVEN.sub("", NOTHING.sub("", svg)).replace("xlink:href", "href")
     svg = re.sub(r' d="([^"]*)"', lambda match: f' d="{relative(match[1])}"', svg)
@@ -29,7 +30,10 @@ def compact(svg):
 
 
 def relative(path):
-    """Return the data of an SVG path in which each point is relative to the point before it."""
+    """Return the data of an SVG path in which each point is relative to the point before it.
+
+    `path` is the data with absolute points, the text of the attribute ``d``.
+    """
     parts, last = [], (0, 0)
     for letter, numbers in re.findall("([A-Zz])([^A-Zz]*)", path):
         values, start, words = [round(10 * float(v)) for v in numbers.split()], last, ""

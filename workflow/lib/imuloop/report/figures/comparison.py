@@ -12,19 +12,19 @@ TIMES = 60
 
 
 def line_style(index):
-    """Return the index of the colour and of the dash of the device with the number `index`.
+    """Return the index of the colour, and the index of the dash, of the line of a device.
 
-    The pairs of 21 devices are distinct.
+    `index` is the number of the device, from 0. The pairs of 21 devices are distinct.
     """
     return index % len(PALETTE), index % len(DASHES)
 
 
 def allan_comparison(summaries, together):
-    """Return six pictures, one per axis: the Allan deviation of all devices.
+    """Return pictures of the Allan deviation of all devices, a list: one per axis of each sensor.
 
     `summaries` are the contents of summary.json of the devices. If `together` is true, a picture
     has a line per device. Otherwise it has the median of all devices and the band from the 5th to
-    the 95th percentile.
+    the 95th percentile. An axis for which no device has a curve has no picture.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -46,12 +46,13 @@ def allan_comparison(summaries, together):
 def _lines(sensor, curves):
     """Return the caption, the function `plot` and the numbers of a Picture with a line per device.
 
-    `sensor` is the name of the sensor, and `curves` has (number, label, averaging times in s, Allan
-    deviations in SI) of each device.
+    The picture shows the Allan deviation of an axis. `sensor` is the name of the sensor, and
+    `curves` has a tuple for each device: its number, its label, averaging times in s, and Allan
+    deviations, SI.
     """
 
     def plot(area):
-        """Draw a line per device."""
+        """Draw a line per device on the Axes `area`."""
         for i, _, tau, adev in curves:
             colour, dash = line_style(i)
             area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
@@ -67,9 +68,11 @@ def _lines(sensor, curves):
 
 
 def _band(sensor, curves):
-    """Return caption, `plot` and numbers for the median and the 5–95 % band of all devices.
+    """Return caption, `plot` and numbers of a Picture with the median and the 5–95 % band.
 
-    The arguments are as in `_lines`.
+    The picture shows the Allan deviation of an axis. `sensor` is the name of the sensor, and
+    `curves` has a tuple for each device: its number, its label, averaging times in s, and Allan
+    deviations, SI.
     """
     # averaging times at which at least half of the devices have a value
     ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
@@ -85,7 +88,7 @@ def _band(sensor, curves):
     at = int(np.abs(grid - common).argmin())
 
     def plot(area):
-        """Draw the median and the band of all devices."""
+        """Draw the median and the band of all devices on the Axes `area`."""
         fill(area, grid, low, high, BLUE)
         area.loglog(grid, middle, color=BLUE, lw=2, label="median, 5–95 %")
         area.set(xlabel="averaging time τ, s", ylabel=f"Allan deviation, {UNITS[sensor]}")

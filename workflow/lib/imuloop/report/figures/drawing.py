@@ -74,7 +74,8 @@ class Picture:
 
     `name` is unique in the report: DEVICE.NAME. The ids in the drawing are made from it. `kind` and
     `caption` are its text for readers who cannot see it. `plot` is a function that draws on a
-    matplotlib `Axes`, or on a list of them, row by row. The key lists the lines that have labels.
+    matplotlib `Axes`, or, if the picture has several, on a list of them, row by row. The key of the
+    picture lists all lines that have labels.
     """
 
     name: str
@@ -89,12 +90,12 @@ class Picture:
 
     @property
     def stem(self):
-        """The name of the picture without its device; the SVG file has this name."""
+        """The name of the picture without its device, from which its SVG file has its name."""
         return self.name.partition(".")[2].replace(".", "_")
 
     @property
     def csv(self):
-        """The name of the CSV file."""
+        """The name of the CSV file with the numbers of the picture."""
         return f"{self.file or self.stem}.csv"
 
     @property
@@ -151,7 +152,10 @@ class Picture:
         return Markup(svg)
 
     def write_svg(self, folder):
-        """Write the picture as SVG on white into a folder, a Path, and return its path."""
+        """Write the picture as an SVG file on white, and return the path of the file.
+
+        `folder` is the folder of the file, a Path.
+        """
         text = self.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
         path = folder / f"{self.stem}.svg"
         with replaced(path) as temporary:
@@ -159,9 +163,10 @@ class Picture:
         return path
 
     def write(self, folder):
-        """Write the picture as SVG and its `numbers` as CSV into a folder, a Path.
+        """Write the picture as an SVG file, and its `numbers` as a CSV file.
 
-        None and not-a-number are empty in the CSV file.
+        `folder` is the folder of both files, a Path. None and not-a-number are empty in the CSV
+        file.
         """
         self.write_svg(folder)
         columns = {k: pa.array(np.asarray(v), from_pandas=True) for k, v in self.numbers.items()}
@@ -171,17 +176,27 @@ class Picture:
 
 
 def _rounded(attribute):
-    """Return the text of an SVG attribute, a regex match, with numbers cut to two decimals."""
+    """Return the text of an SVG attribute with its numbers cut to two decimals.
+
+    `attribute` is a regex match of the attribute.
+    """
     return re.sub(r"(\.\d\d)\d+", r"\1", attribute[0])
 
 
 def fill(area, x, low, high, colour, alpha=0.2):
-    """Fill the area between the curves `low` and `high` over x, (n,) each, on the Axes `area`."""
+    """Fill the area between two curves, as for a band of confidence, on the matplotlib Axes `area`.
+
+    The curves are `low` and `high` over `x`, (n,) each. `colour` is the colour of the area, and
+    `alpha` its opacity, 0 to 1.
+    """
     area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
 
 
 def _mark_decades(axis):
-    """Set the ticks of a logarithmic axis: powers of ten, or rounder steps if these are few."""
+    """Set the ticks of a logarithmic axis: powers of ten, or also values between if these are few.
+
+    `axis` is the x or y axis of a matplotlib Axes.
+    """
     low, high = axis.get_view_interval()
     axis.set_minor_locator(NullLocator())
     if high < 4 * low:
@@ -193,7 +208,10 @@ def _mark_decades(axis):
 
 
 def _decade(value, _):
-    """Return the text of a tick: 0.01 … 1000 in full, others as powers of ten."""
+    """Return the text of the tick at `value`: 0.01 … 1000 in full, others as powers of ten.
+
+    The second argument, the position of the tick, is not used.
+    """
     digits, _, exponent = f"{value:.0e}".partition("e")
     if -2 <= int(exponent) < 4:
         return f"{value:g}"

@@ -37,11 +37,13 @@ BEYOND = 1.6
 def loop_errors(device, diagnoses):
     """Return the errors of a device as logged, calibrated and with effects corrected, a list.
 
-    `device` is the DeviceResults, and `diagnoses` are its `blocks`. Each of these gives up to two
-    errors: the residual that its verdict quotes, and the residual that a user notices first. The
-    list is in the order of `RECORDS`. An error is a dict: its words ``what``, its SI ``unit``, the
-    root mean squares ``logged``, ``calibrated``, ``final`` and ``floor``, SI, None if absent, and
-    the ``effects`` in words. ``calibrated`` and ``final`` are held-out errors.
+    `device` is a DeviceResults, and `diagnoses` is the result of `blocks` for it. Each diagnosis
+    gives up to two errors: the residual that its verdict quotes, and the residual that a user
+    notices first. The list is in the order of `RECORDS`. An error is a dict: its words ``what``,
+    its SI ``unit``, the root mean squares ``logged``, ``calibrated``, ``final`` and ``floor``, SI,
+    and the ``effects`` in words. ``calibrated`` and ``final``, with the effects corrected, are
+    held-out errors; ``floor`` is the error from noise alone. A root mean square that is not known
+    is None.
     """
     errors = []
     for block in sorted(diagnoses, key=lambda b: RECORDS.index((b["sensor"], b["part"]))):
@@ -63,32 +65,45 @@ def loop_errors(device, diagnoses):
 
 
 def _as_logged(device, name):
-    """Return the root mean square of the residual `name` as logged, SI; None if not known."""
+    """Return the root mean square of a residual of samples as logged, SI; None if it is not known.
+
+    `device` is a DeviceResults, and `name` the name of the residual.
+    """
     logged = as_logged(device, name)
     return None if logged is None else float(np.sqrt(np.mean(logged**2)))
 
 
 def _multiples(error):
-    """Return the sizes of an error of `loop_errors` by stage, in multiples of its floor."""
+    """Return the sizes of an error in multiples of its floor, a dict by stage, as in `STAGES`.
+
+    `error` is a dict of the list that `loop_errors` returns.
+    """
     return {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
 
 
 def reach(errors):
-    """Return the least and the greatest ratio of `errors` to their floors, 1 included."""
+    """Return the least and the greatest ratio of errors to their floors; 1 is always in this range.
+
+    `errors` is the result of `loop_errors`. The range is used for the axis of the picture.
+    """
     sizes = [1.0, *(size for error in errors for size in _multiples(error).values())]
     return min(sizes), max(sizes)
 
 
 def _sizes(error):
-    """Return the sizes of an error of `loop_errors` as text, stage by stage."""
+    """Return the sizes of an error as text, stage by stage: "3.1 mg → 0.52 mg".
+
+    `error` is a dict of the list that `loop_errors` returns.
+    """
     display = data_sheet(error["unit"])
     return " → ".join(display.text(error[s], 2) for s in STAGES if error[s] is not None)
 
 
 def draw_loop(area, errors, ends):
-    """Draw a row per error of `loop_errors`: its sizes over its floor, on a logarithmic axis.
+    """Draw a row for each error: its sizes in multiples of its floor, on a logarithmic axis.
 
-    `area` is the Axes, and `ends` are the least and the greatest ratio of the axis.
+    `area` is the matplotlib Axes, `errors` is the result of `loop_errors`, and `ends` are the least
+    and the greatest multiple that the axis has to show.
     """
     # no line crosses the words
     looks = {"transform": area.get_yaxis_transform(), "va": "center"}
@@ -125,16 +140,17 @@ def draw_loop(area, errors, ends):
 
 
 def loop_picture(name, errors, ends=None):
-    """Return the Picture of the `errors` of the device `name`; None if there are none.
+    """Return the Picture of the errors of a device: as logged, calibrated and effects corrected.
 
-    `errors` is the result of `loop_errors`. `ends` are the ends of the axis, the same for all
-    devices that are compared; by default the axis fits the errors.
+    `name` is the name of the device, and `errors` the result of `loop_errors`; if this is empty,
+    the result is None. `ends` are the least and the greatest multiple of a floor on the axis, the
+    same for all devices that are compared; by default the axis fits the errors.
     """
     if not errors:
         return None
 
     def plot(area):
-        """Draw the errors on one axis."""
+        """Draw the errors on the Axes `area`."""
         draw_loop(area, errors, ends or reach(errors))
 
     said = (
@@ -152,6 +168,9 @@ def loop_picture(name, errors, ends=None):
 
 
 def device_loop(device):
-    """Return the Picture of the errors of a DeviceResults, in a list; empty without errors."""
+    """Return the Picture of the errors of a device as logged, calibrated and corrected, in a list.
+
+    `device` is a DeviceResults. The list is empty if no residual was tested.
+    """
     picture = loop_picture(device.name, loop_errors(device, blocks(device.diagnosis)))
     return [picture] if picture else []

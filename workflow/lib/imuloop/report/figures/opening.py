@@ -13,7 +13,11 @@ KINDS = ("multi_position", "six_position", "reference_motion", "known_rotation",
 
 
 def opening_pictures(device):
-    """Return up to two Pictures of a DeviceResults: its main error, and its main recording."""
+    """Return up to two Pictures that begin the part of a device: its main error and main recording.
+
+    The main error is the one that the most telling verdict is about, and the main recording the
+    session with the most motion. `device` is a DeviceResults.
+    """
     pictures = []
     if diagnoses := tested(blocks(device.diagnosis)):
         # records with an effect or an error come first, then poses
@@ -30,7 +34,8 @@ def opening_pictures(device):
 def _wrong(device, block):
     """Return the Picture of the error that the verdict of a diagnosis is about, in a list.
 
-    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it.
+    `device` is a DeviceResults, and `block` the diagnosis of a sensor in one kind of data, as
+    `block_of` returns it.
     """
     if block["part"] == "static_record":
         pictures = temperature_pictures(device, block) or bias_pictures(device, block)

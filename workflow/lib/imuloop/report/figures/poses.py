@@ -19,9 +19,10 @@ NEAR = 0.94
 
 
 def pose_directions(device):
-    """Return the upward direction in each of n poses, a dict of arrays (n, 3) by kind of session.
+    """Return the upward direction in each pose, on the axes of the device, by kind of session.
 
-    `device` is the DeviceResults. Poses without specific force are left out.
+    The result is a dict of arrays, (n, 3) each: a unit vector with x, y and z for each of n poses.
+    `device` is a DeviceResults. Poses without specific force are left out.
     """
     directions = {}
     for session in device.used:
@@ -37,8 +38,9 @@ def pose_directions(device):
 def draw_poses(area, directions, sign, hole):
     """Draw the upward directions on one half of the sphere, seen from outside.
 
-    It is seen from +z if `sign` is 1, and from −z if it is -1. `area` is the Axes, `directions` are
-    unit vectors, (n, 3), by kind of session, and `hole` is the direction farthest from all, (3,).
+    It is seen from +z if `sign` is 1, and from −z if it is -1. `area` is the matplotlib Axes,
+    `directions` are unit vectors by kind of session, (n, 3) for n poses each, and `hole` is the
+    direction farthest from all poses, a unit vector (3,), which gets a ring.
     """
     area.set_axis_off()
     area.set_aspect("equal")
@@ -60,9 +62,9 @@ def draw_poses(area, directions, sign, hole):
 
 
 def pose_pictures(device):
-    """Return the Picture of the upward directions of a DeviceResults, in a list.
+    """Return the Picture of the upward directions in all poses of a device, in a list.
 
-    The list is empty without poses.
+    `device` is a DeviceResults. The list is empty without poses.
     """
     directions = pose_directions(device)
     if not directions:
@@ -71,7 +73,7 @@ def pose_pictures(device):
     hole, angle = largest_hole(everything)
 
     def plot(areas):
-        """Draw the upper and the lower hemisphere."""
+        """Draw the upper and the lower hemisphere; `areas` are their two Axes."""
         for area, sign in zip(areas, (1, -1), strict=True):
             draw_poses(area, directions, sign, hole)
 
@@ -90,10 +92,10 @@ def pose_pictures(device):
 
 
 def _project(u, sign):
-    """Return x and y, (n,) each, of directions in Lambert's equal-area projection.
+    """Return x and y of directions in Lambert's equal-area projection of a hemisphere, (n,) each.
 
-    `u` are unit vectors of one hemisphere, (n, 3): the upper one if `sign` is 1, the lower one if
-    it is -1. It is seen from outside, so x runs to the left for the lower one.
+    `u` are n unit vectors, (n, 3), of the upper hemisphere if `sign` is 1, of the lower one if it
+    is -1. The hemisphere is seen from outside, so the x axis points to the left for the lower one.
     """
     r = np.sqrt(1 + np.abs(u[:, 2]))
     return sign * u[:, 0] / r, u[:, 1] / r

@@ -24,19 +24,20 @@ LOOKS = {
 
 
 def residual_pictures(device, block):
-    """Return a Picture for each kind of residual of a diagnosis, a list.
+    """Return a Picture for each kind of residual of a diagnosis, a list; empty for static records.
 
-    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it. Static
-    records have none.
+    `device` is a DeviceResults, and `block` the diagnosis of a sensor in one kind of data, as
+    `block_of` returns it.
     """
     names = block["residuals"] if block["part"] != "static_record" else ()
     return [residual_picture(device, block, name) for name in names]
 
 
 def rows_of(device, name):
-    """Return the rows with the residual `name` of the table of poses, moves or windows.
+    """Return the rows that have the residual `name`, from the table of poses, moves or windows.
 
-    `device` is the DeviceResults. A window is a part of a log that is compared with a reference.
+    The residual tells which of the three tables is meant. A window is a part of a log that is
+    compared with a reference. `device` is a DeviceResults, which has the tables.
     """
     table = device.moves if name in OF_MOVES else device.poses
     table = device.reference if name in OF_WINDOWS else table
@@ -45,9 +46,10 @@ def rows_of(device, name):
 
 
 def as_logged(device, name):
-    """Return the sizes of the n residuals `name` of samples as logged, (n,), SI; None if unknown.
+    """Return the sizes of the residuals of samples as logged, without calibration, (n,), SI.
 
-    `device` is the DeviceResults.
+    There is one for each of n poses or moves. `name` is the name of the residual, and `device` a
+    DeviceResults. The result is None if the sizes are not known for this residual.
     """
     if name == "gravity_norm":
         force = np.linalg.norm(rows_of(device, name)[list(ACCELERATION)], axis=1)
@@ -62,10 +64,10 @@ def as_logged(device, name):
 
 
 def elapsed(table):
-    """Return the start of each row, s, (n,), if all sessions follow each other without a break.
+    """Return the start of each row on one clock on which all sessions follow each other, s, (n,).
 
-    The second result is the start of each session, s, a dict by name. `table` has a row per pose,
-    move or window.
+    The second result is the start of each session on this clock, s, a dict by name. `table` has n
+    rows, each a pose, a move or a window, with ``session``, ``start_s`` and ``end_s``.
     """
     length = table.groupby("session", sort=False)["end_s"].max()
     first = length.cumsum() - length
@@ -73,10 +75,10 @@ def elapsed(table):
 
 
 def against(name, table):
-    """Return the quantities over which the residuals `name` are drawn, a dict.
+    """Return the quantities over which residuals are drawn, such as time and angle, a dict.
 
-    The keys are the names of columns of the CSV file. An entry is a label with a unit, and the
-    values, (n,). `table` has the n rows of `rows_of`.
+    The keys are the names of columns of the CSV file. A value is a tuple: a label with a unit, and
+    the numbers, (n,). `name` is the name of the residual, and `table` has the n rows of `rows_of`.
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
@@ -99,10 +101,11 @@ def against(name, table):
 
 
 def draw_residuals(area, x, series, floor):
-    """Draw the residuals of n poses, moves or windows over `x`, (n,), with their floor, (n,).
+    """Draw residuals and their floor, which noise alone gives, on the matplotlib Axes `area`.
 
-    `area` is the Axes. `series` are the residuals, (n,) each, by the words of the key. The axis is
-    logarithmic if one of them is as logged, because it is far larger than the others.
+    `x` are the values of the horizontal axis, (n,), for n poses, moves or windows. `series` are the
+    residuals, (n,) each, by the words of the key, and `floor` is their floor, (n,). The vertical
+    axis is logarithmic if one series is as logged, because it is far larger than the other series.
     """
     order = np.argsort(x, kind="stable")
     logarithmic = LOGGED in series
@@ -120,10 +123,11 @@ def draw_residuals(area, x, series, floor):
 
 
 def residual_picture(device, block, name, narrow=False):
-    """Return the Picture of one kind of residual, `name`, of a diagnosis.
+    """Return the Picture of one kind of residual of a diagnosis, over time and further quantities.
 
-    `device` is the DeviceResults, and `block` the diagnosis, as `block_of` returns it. A `narrow`
-    picture shows the residuals over time alone; others show them over further quantities, too.
+    `device` is a DeviceResults, `block` the diagnosis of a sensor in one kind of data, as
+    `block_of` returns it, and `name` the name of the residual. A `narrow` picture shows the
+    residuals over time alone.
     """
     residual, changed, table = (
         block["residuals"][name],
@@ -146,7 +150,10 @@ def residual_picture(device, block, name, narrow=False):
     panels = dict([*panels.items()][:1]) if narrow else panels
 
     def plot(areas):
-        """Draw the residuals against each quantity, on one area each."""
+        """Draw the residuals over each quantity.
+
+        `areas` is one Axes, or a list with one for each.
+        """
         areas = np.atleast_1d(areas)
         for area, (label, x) in zip(areas, panels.values(), strict=True):
             # against time, each mark has its floor; elsewhere that would jump, so draw the median

@@ -9,9 +9,10 @@ from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 
 
 def density_pictures(device, session):
-    """Return the Pictures of the power spectral density in a session, one for each sensor.
+    """Return the Pictures of the power spectral density in a session, a list: one for each sensor.
 
-    `device` is the DeviceResults, and `session` one of its SessionResults.
+    A sensor without a spectrum has none. `device` is a DeviceResults, and `session` one of its
+    SessionResults.
     """
     spectra = session.spectra[np.isfinite(session.spectra["psd"])].astype({"axis": str})
     spectra = spectra.sort_values(["axis", "frequency_hz"], kind="stable").assign(model=np.nan)
@@ -31,10 +32,10 @@ def density_pictures(device, session):
 
 
 def _ramp(frequency):
-    r"""Return the density that a ramp of 1 SI/s adds to Welch's estimate, SI²/Hz, (n,).
+    r"""Return the density that a ramp of 1 SI unit per s adds to Welch's estimate, SI²/Hz, (n,).
 
     The estimate has segments of the length T less their mean, under a Hann window. The density is
-    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)` with k = f T. `frequency` are the frequencies f, Hz, (n,);
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)` with k = f T. `frequency` are n frequencies f, Hz, (n,);
     the lowest is 2/T.
     """
     segment = 2 / frequency.min()
@@ -43,16 +44,18 @@ def _ramp(frequency):
 
 
 def _picture(device, session, sensor, curves, spectra):
-    """Return the Picture of the power spectral density of a sensor in a session.
+    """Return the Picture of the power spectral density of one sensor in a session.
 
-    `spectra` is the table of all channels of the session, and `curves` has its rows by axis.
+    `device` is a DeviceResults, `session` one of its SessionResults, and `sensor` the name of the
+    sensor. `spectra` is the table of all channels of the session, a DataFrame, and `curves` has its
+    rows by axis, x, y, z.
     """
     axes = of_axes(device.axes, sensor)
     lines = [(line.frequency.value, axis) for axis, noise in axes for line in noise.sinusoid]
     corners = [(noise.low_pass.corner.value, axis) for axis, noise in axes if noise.low_pass]
 
     def plot(area):
-        """Draw spectrum, model, lines and low-pass corner of each axis."""
+        """Draw the spectrum, model, lines and low-pass corner of each axis on the Axes `area`."""
         for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
             area.loglog(r["frequency_hz"], r["psd"], color=colour, label=axis)
             fill(area, r["frequency_hz"], r["ci_low"], r["ci_high"], colour)

@@ -31,7 +31,8 @@ def extremes(x, buckets=BUCKETS):
     """Return the indices of the least and the greatest value in each of equal parts of a series.
 
     `x` is the series, (n,), and `buckets` the number of parts. A line through these points looks
-    like a line through all points: no peak is lost.
+    like a line through all points: no peak is lost. A short series, up to two points per part,
+    gives all its indices.
     """
     n = len(x)
     if n <= 2 * buckets:
@@ -42,10 +43,11 @@ def extremes(x, buckets=BUCKETS):
 
 
 def means_at_rest(t, x, stretches):
-    """Return times and means of a series over parts of its rests, with nan between two rests.
+    """Return times and means of a series over short parts of its rests, (m,) each, for drawing.
 
-    `t` are the times, s, (n,), and `x` is the series, (n,). `stretches` has for each rest its first
-    row and the row after its last. The rests of a whole log would have `MEANS` parts.
+    A nan separates two rests. `t` are the times, s, (n,), and `x` is the series, (n,). `stretches`
+    has for each rest its first row and the row after its last. A part is so long that `MEANS` parts
+    would cover all n rows; a rest shorter than a part has no mean.
     """
     times, values = [np.nan], [np.nan]
     for start, end in stretches:
@@ -60,14 +62,18 @@ def means_at_rest(t, x, stretches):
 
 
 def clock(end):
-    """Return the unit in which to show times up to `end`, s, and the size of the unit, s."""
+    """Return the unit in which to show times up to `end`, s, and its size, s.
+
+    The unit is h, min or s.
+    """
     return next((unit, size) for unit, size, least in _CLOCKS if end >= least)
 
 
 def shade(area, segments, size=1.0):
-    """Shade rests, disturbances and gaps on the Axes `area`; motion stays white.
+    """Shade rests, disturbances and gaps on the matplotlib Axes `area`; motion stays white.
 
-    `segments` is the table of segments, and `size` the unit of the time axis, s.
+    `segments` is the table of segments of a session: parts of one kind, such as a rest, with start
+    and end. `size` is the unit of the time axis, s.
     """
     # a disturbance has an outline, so that a short disturbance is visible in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
@@ -79,9 +85,9 @@ def shade(area, segments, size=1.0):
 
 
 def steps_at(device, session, sensor):
-    """Return the times of the steps of the bias that the diagnosis shows in a session, s, a list.
+    """Return the times at which the bias of a sensor steps in a session, s, a list.
 
-    `device` is the DeviceResults; `session` and `sensor` are names.
+    The times are from the diagnosis. `device` is a DeviceResults; `session` and `sensor` are names.
     """
     times = []
     for record in device.diagnosis.get("sensors", {}).get(sensor, {}).values():
@@ -93,9 +99,10 @@ def steps_at(device, session, sensor):
 
 
 def drifts(device, sensor):
-    """Return the slope of the bias of a sensor at rest by axis, SI per s.
+    """Return the slope of the bias of a sensor at rest by axis, a dict, SI units per s.
 
-    `device` is the DeviceResults. The result is empty if the diagnosis has no effect `ramp`.
+    `device` is a DeviceResults, and `sensor` the name of the sensor. The result is empty if the
+    diagnosis has no effect `ramp`.
     """
     record = device.diagnosis.get("sensors", {}).get(sensor, {}).get("static_record", {})
     slopes = [e["parameters"] for e in record.get("effects", ()) if e["name"] == RAMP]
@@ -105,14 +112,18 @@ def drifts(device, sensor):
 def session_pictures(device, session):
     """Return the Pictures of the samples of a session over time, a list: one for each sensor.
 
-    `device` is the DeviceResults, and `session` one of its SessionResults.
+    `device` is a DeviceResults, and `session` one of its SessionResults.
     """
     t = session.samples[TIME]
     return [_picture(device, session, sensor, t) for sensor in SENSORS]
 
 
 def _picture(device, session, sensor, t):
-    """Return the picture of a sensor in a session; `t` are the time stamps, (n,), s."""
+    """Return the Picture of the samples of one sensor in a session over time.
+
+    `device` is a DeviceResults, `session` one of its SessionResults, `sensor` the name of the
+    sensor, and `t` are the n time stamps of the session, s, (n,).
+    """
     segments, resting = session.segments, session.kind == "static"
     display = (RESTING if resting else MOVING)[sensor]
     gaps = segments["start_s"][segments["kind"] == GAP]
@@ -140,12 +151,19 @@ def _picture(device, session, sensor, t):
     slopes = drifts(device, sensor) if resting else {}
 
     def line(area, axis, name, **looks):
-        """Draw a line of an axis about its median."""
+        """Draw a line of an axis about its median, on the Axes `area`.
+
+        `axis` is x, y or z, `name` is ``raw`` or ``means``, and `looks` are arguments of
+        matplotlib.
+        """
         x, y = lines[name][axis]
         area.plot(x / size, (np.asarray(y) - middle[axis]) * display.factor, **looks)
 
     def plot(areas):
-        """Draw each axis on its area, or all axes of a moving record on one."""
+        """Draw each axis on its own Axes, or all axes of a moving record on one.
+
+        `areas` is the list or it.
+        """
         areas = areas if resting else [areas] * 3
         for area in dict.fromkeys(areas):
             shade(area, segments, size)
@@ -175,7 +193,8 @@ def _picture(device, session, sensor, t):
 def _numbers(sensor, lines):
     """Return the numbers of the lines of a picture, a DataFrame with a row per point.
 
-    `lines` has (times, values) by the name of the line and by axis.
+    `sensor` is the name of the sensor. `lines` has the points of each line, (times in s, values in
+    SI), in a dict by the name of the line, ``raw`` or ``means``, and then by axis.
     """
     parts = [
         pd.DataFrame({"channel": channel, "line": line, "t_s": t, f"value_{FILE_UNITS[sensor]}": x})
@@ -186,7 +205,11 @@ def _numbers(sensor, lines):
 
 
 def _caption(session, sensor):
-    """Return the caption of a picture: length of all rests, number and length of excluded parts."""
+    """Return the caption of a picture of samples: the length of all rests, and what was excluded.
+
+    Excluded are disturbed stretches and gaps; their number and length are given. `session` is the
+    SessionResults, and `sensor` the name of the sensor.
+    """
     kinds, cut = session.segments["kind"], []
     for kind, words, ending in ((DISTURBED, "disturbed stretch", "es"), (GAP, "gap", "s")):
         if count := int((kinds == kind).sum()):
