@@ -24,9 +24,10 @@ __all__ = [*_PLACES]
 
 
 def __getattr__(name):
-    """Return the object with a public name, and import its module if this is the first use.
+    """Return the public object called `name`, and import its module if this is the first use.
 
-    So a script that needs no calibration does not load the model.
+    So a script that needs no calibration does not load the model. Raises an AttributeError for a
+    name that is not public.
     """
     if name not in _PLACES:
         of = sys.modules[__name__]

@@ -31,7 +31,10 @@ def main(argv=None):
 
 
 def _leave(*_):
-    """End the process at once: libraries that are being loaded would hide a KeyboardInterrupt."""
+    """End the process at once on Ctrl-C, with a line on the terminal; the arguments are not used.
+
+    Libraries that are being loaded would hide a KeyboardInterrupt.
+    """
     os.write(2, b"imuloop: interrupted\n")
     os._exit(INTERRUPTED)
 

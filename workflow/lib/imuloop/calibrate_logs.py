@@ -186,7 +186,7 @@ def read(log, **declared) -> pd.DataFrame:
 def _list_logs(logs):
     """Return the logs in an argument of `calibrate` as a list, empty for None or ().
 
-    `logs` is a list of logs, or one log, which may be a tuple of arrays.
+    `logs` is the argument: a list of logs, or one log, which may be a tuple of arrays.
     """
     if logs is None or (isinstance(logs, tuple) and not logs):
         return []
@@ -195,11 +195,11 @@ def _list_logs(logs):
 
 @read_in(PYTHON)
 def _ingest(device, session, log, declared):
-    """Read the log of a session of a Device, and write its samples and its quality.
+    """Read the log of a session, and write its samples and quality into the folder of its Device.
 
-    `session` is the name of the session. `log` is a path or a DataFrame, or a dict with one of
-    these for each sensor. `declared` are the declarations about the log, keys of a config. Raises
-    an ImuloopError if they do not fit the log.
+    `device` is the Device, and `session` the name of the session. `log` is a path or a DataFrame,
+    or a dict with one of these for each sensor. `declared` are the declarations about the log, keys
+    of a config. Raises an ImuloopError if they do not fit the log.
     """
     parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
     for role, part in parts.items():

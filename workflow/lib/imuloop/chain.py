@@ -17,7 +17,10 @@ _TABLES = ("samples", "segments", "allan")
 
 @dataclass(frozen=True)
 class Device:
-    """A device with its sessions and settings: the input of every stage."""
+    """A device with its sessions and settings: the input of every stage.
+
+    A session is one log and what was done with the device in it, its kind.
+    """
 
     name: str
     folder: Path  # folder of the device's results
@@ -41,12 +44,12 @@ class Device:
     prior: Mapping = field(default_factory=dict)
 
     def file(self, name):
-        """Return the path of the result with this name in the device's folder."""
+        """Return the path of the result file or folder `name` in the device's folder."""
         return Path(self.folder) / name
 
     @property
     def sessions(self):
-        """Kind and paths of the files of each session, a dict of dicts by name of the session."""
+        """Kind of each session and paths of its result files, a dict of dicts by session name."""
         return {
             name: {"kind": kind, "quality": self.file(f"{name}/quality.json")}
             | {table: self.file(f"{name}/{table}.parquet") for table in _TABLES}
@@ -91,7 +94,10 @@ def ingest(device, session, declared, paths, reject=False):
 
 
 def segment(device):
-    """Write segments.parquet of each session of a Device: its rests, moves and gaps."""
+    """Write the segments of each session of a Device, segments.parquet.
+
+    A segment is a rest, a move or a gap in the log.
+    """
     from imuloop.core.samples import Samples, read_metadata
     from imuloop.core.tables import write_table
     from imuloop.segment.segment import segment_session
@@ -121,7 +127,11 @@ def noise(device):
 
 
 def calibrate(device):
-    """Write the calibrations of a Device, six_position.json and multi_position.json."""
+    """Write the calibrations of a Device, each with its own method.
+
+    The files are six_position.json, from poses on the six faces, and multi_position.json, from
+    poses in any attitude.
+    """
     from imuloop.calibrate.calibrate import calibrate_device
     from imuloop.calibrate.settings import CalibrateSettings
 
@@ -138,9 +148,10 @@ def calibrate(device):
 
 
 def _prior(device):
-    """Return the Prior of a Device: mean and covariance of its parameters before the logs are used.
+    """Return the Prior of a Device: mean and covariance of its parameters before its logs are used.
 
-    The prior comes from the file that the config names, or else from the data sheet.
+    The prior is from an earlier calibration or a family if the config names its file, or else from
+    the data sheet.
     """
     from imuloop.family.prior import read_prior
     from imuloop.model.prior import data_sheet
@@ -194,7 +205,11 @@ def diagnose(device):
 
 
 def allan(device):
-    """Write the Allan curves of each session of a Device: as logged, and without the effects."""
+    """Write the Allan curves of each session of a Device, allan.parquet.
+
+    They are the curves of the samples as logged, and of the samples without the effects that the
+    diagnosis found.
+    """
     from imuloop.core.tables import joined, read_session, write_table
     from imuloop.noise.allan import session_curves
     from imuloop.noise.records import read_recorded
@@ -207,17 +222,20 @@ def allan(device):
 
 
 def export(device):
-    """Write files of a Device for other tools, the folder exports, and their list, exports.json."""
+    """Write the calibration of a Device for other tools, and a list of the files.
+
+    The files are in the folder exports, and the list is exports.json.
+    """
     from imuloop.export.export import export_files, read_exported, write_exports
 
     write_exports(device.file("exports"), export_files(read_exported(device)))
 
 
 def report_device(device):
-    """Write the exports of a Device, and its part of the report.
+    """Write the exports of a Device for other tools, and its part of the report.
 
     The part is section.html for the report of all devices, a page by itself, the figures, and
-    summary.json for the comparison.
+    summary.json for the comparison with other devices.
     """
     from imuloop.report.section import write_section
 
@@ -226,9 +244,10 @@ def report_device(device):
 
 
 def report(devices, command, family=None, failures=()):
-    """Write results/report.html and results/comparison.csv; return lines with the verdicts.
+    """Write results/report.html and results/comparison.csv; return the verdicts, lines of text.
 
-    The lines are a list, with one for each device that did not fail.
+    The lines are a list, with one for each device that did not fail, or for each group of many
+    devices with equal verdicts.
 
     Parameters
     ----------
@@ -257,11 +276,15 @@ def report(devices, command, family=None, failures=()):
 
 
 def stages():
-    """Return the functions of the stages from `segment` to `allan` in their order, a tuple."""
+    """Return the functions of the stages from `segment` to `allan`, in the order of a run, a tuple.
+
+    Each takes a Device. The stages `ingest` before them and `report_device` after them are not
+    included.
+    """
     return segment, noise, calibrate, diagnose, allan
 
 
 def run(device):
-    """Call all stages after ingest for a Device."""
+    """Call all stages after `ingest` for a Device, from `segment` to `report_device`."""
     for stage in (*stages(), report_device):
         stage(device)

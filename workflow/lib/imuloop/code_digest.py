@@ -18,8 +18,8 @@ _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | 
 def code_digest(script, *packages, without=(), library=_LIBRARY):
     """Return the SHA-256 of the code that a stage uses, text: it changes only if this code does.
 
-    `script` is the path of the stage's script, and `packages` are the names of further packages of
-    the library, whose folder is `library`. The digest covers:
+    `script` is the path of the script of the workflow that runs the stage. `packages` are the names
+    of further packages of the library imuloop, whose folder is `library`. The digest covers:
 
     - the script;
     - all modules and YAML tables of these packages: the one with the name of the script, core,
@@ -50,13 +50,19 @@ def code_digest(script, *packages, without=(), library=_LIBRARY):
 
 @cache
 def _imports(path):
-    """Return the names of the packages and modules that a Python file imports, a set."""
+    """Return the names of the packages and modules that a Python file imports, a set.
+
+    `path` is the path of the file. A module of a package of imuloop counts as this package.
+    """
     return {*_IMPORT.findall(path.read_text(encoding="utf-8"))}
 
 
 @cache
 def _digest(path):
-    """Return a text that changes with the content of a YAML file, or the code of a Python file."""
+    """Return a text that changes with the content of a YAML file, or the code of a Python file.
+
+    `path` is the path of the file. Comments and docstrings of Python do not count.
+    """
     if path.suffix == ".yaml":
         return repr(yaml.safe_load(path.read_text(encoding="utf-8")))
     code = compile(path.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
@@ -64,14 +70,17 @@ def _digest(path):
 
 
 def _without_lines(code):
-    """Return a code object without line numbers, which change with comments."""
+    """Return the code object `code` of Python without line numbers, which change with comments."""
     inner = tuple(_without_lines(c) if isinstance(c, CodeType) else c for c in code.co_consts)
     return code.replace(co_consts=inner, co_linetable=b"", co_firstlineno=1)
 
 
 @cache
 def _version(package):
-    """Return the version of an installed package by its name; None for a module of Python."""
+    """Return the version of an installed package, text; None for a module of Python itself.
+
+    `package` is the name by which it is imported.
+    """
     try:
         return version({"yaml": "pyyaml"}.get(package, package))
     except PackageNotFoundError:

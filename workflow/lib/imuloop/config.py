@@ -21,16 +21,19 @@ STAGES = ("segment", "noise", "calibrate", "diagnose")
 
 
 def merge(base, override):
-    """Return `base` with the values of `override`; two mappings are merged key by key."""
+    """Return `base` with the values of `override` in place of its own, key by key at any depth.
+
+    If one of the two is not a mapping, the result is `override`.
+    """
     if not isinstance(base, dict) or not isinstance(override, dict):
         return override
     return base | {key: merge(base.get(key), value) for key, value in override.items()}
 
 
 def without_dates(value):
-    """Return a config, or a part of it, with all keys and dates as text.
+    """Return a config, or a part of it, in which all keys and all dates are text.
 
-    YAML turns stamps without quotes into dates.
+    `value` is the config or the part. YAML turns time stamps without quotes into dates.
     """
     if isinstance(value, dict):
         return {str(key): without_dates(item) for key, item in value.items()}
@@ -40,9 +43,10 @@ def without_dates(value):
 
 
 def merged_devices(config):
-    """Return the devices of a config by name, with the defaults, a dict.
+    """Return the devices of a config by name, a dict, with the config's defaults filled in.
 
-    Each session has the keys of its device that apply to logs (`OF_LOGS`).
+    Each session also gets the keys of its device that apply to logs (`OF_LOGS`). `config` is the
+    config as written.
     """
     defaults = config.get("defaults") or {}
     merged = {name: merge(defaults, device) for name, device in config["devices"].items()}
@@ -50,11 +54,12 @@ def merged_devices(config):
 
 
 def _expand_sessions(device):
-    """Return a device of a config in which each session has one log and the keys of the device.
+    """Return a device of a config in which each session has one log, with the keys that it needs.
 
-    A session whose ``file`` is a pattern or a folder of logs becomes a session for each of these.
-    Only the keys `OF_LOGS` of the device are copied. A device or session that is not a mapping
-    stays as it is; `config_faults` reports it.
+    `device` is the entry of the device in the config. A session whose ``file`` is a pattern of file
+    names, such as ``logs/*.csv``, or a folder of logs becomes a session for each of these logs. A
+    session gets the keys `OF_LOGS` of the device that it lacks. A device or session that is not a
+    mapping stays as it is; `config_faults` reports it.
     """
     sessions = device.get("sessions") if isinstance(device, dict) else None
     if not isinstance(sessions, dict):
@@ -74,9 +79,11 @@ def _expand_sessions(device):
 
 
 def _find_logs(file, form):
-    """Return the sorted paths of the logs in a pattern or a folder; empty if `file` is one log.
+    """Return the sorted paths of the logs that a pattern or a folder stands for, a list.
 
-    `form` is the name of the format that is declared, or None.
+    `file` is the value of ``file`` in the config: a pattern of file names, such as ``logs/*.csv``,
+    a folder, or one log, for which the list is empty. `form` is the name of the declared format, or
+    None.
     """
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
         return []
@@ -92,7 +99,10 @@ def _find_logs(file, form):
 
 
 def _is_log(folder, form):
-    """Return whether a folder is one log, of the declared format `form` if this is not None."""
+    """Return whether a folder is itself one log, such as a recording of several files.
+
+    `folder` is its path. `form` is the name of the declared format, or None for any format.
+    """
     # imported late, as it takes long
     from imuloop.ingest.formats import find_format
 
@@ -103,9 +113,10 @@ def _is_log(folder, form):
 
 
 def _session_name(path, session, taken):
-    """Return the name of the session for one of several files: its name, made fit for a folder.
+    """Return the name of the session for one of several logs: the file's name, fit for a folder.
 
-    `path` is the path of the file, and `session` the name of the session in the config. `taken` are
+    `path` is the path of the log, and `session` is the name in the config of the session that
+    stands for all these logs; it is put in front where the file's name cannot be used. `taken` are
     the names of other sessions, which the result must not have.
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
@@ -157,7 +168,10 @@ def known_figures(device):
 
 
 def _resolve_session(session):
-    """Return a session as `resolve` does; `session` is its entry in the config."""
+    """Return a session as `resolve` does, with all defaults.
+
+    `session` is its entry in the config.
+    """
     resolved = {key: session.get(key) for key in ("kind", "format", "rate", "time_range")}
     for key in ("columns", "units", "pps", "reference"):
         resolved[key] = dict(session.get(key) or {})
@@ -171,10 +185,11 @@ def _resolve_session(session):
 
 
 def sources(file):
-    """Return the sources of a log by role, a dict of dicts; `file` is its entry in the config.
+    """Return where the files of a log come from, a dict of sources by role.
 
     The role is ``log``, or ``acceleration`` and ``angular_rate`` for a log in two files. A source
-    is a local file with the key ``path``, or a file to be fetched.
+    is a dict: a local file with the key ``path``, or a file to be fetched. `file` is the value of
+    ``file`` in the config.
     """
     if isinstance(file, dict) and "acceleration" in file:
         return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
@@ -182,7 +197,10 @@ def sources(file):
 
 
 def by_type(devices):
-    """Return the names of the devices of each type, a dict; devices without type are left out."""
+    """Return the names of the devices of each type, a dict of lists by type.
+
+    `devices` are the devices by name, as `resolve` returns them. Devices without type are left out.
+    """
     types = dict.fromkeys(device["type"] for device in devices.values() if device["type"])
     return {t: [n for n, device in devices.items() if device["type"] == t] for t in types}
 
@@ -193,17 +211,18 @@ def is_stored(path):
 
 
 def source_path(source, cache):
-    """Return the path of a source: a local file, or its place in the folder `cache` once fetched.
+    """Return the local path of a source of a log, once it is fetched if it is not a local file.
 
-    `source` is a dict, as `sources` returns it.
+    `source` is a dict, as `sources` returns it, and `cache` is the folder for fetched files.
     """
     return source.get("path") or f"{cache}/{source['sha256']}/{file_name(source)}"
 
 
 def fetched(devices):
-    """Return the sources that have to be fetched, by their path ``<sha256>/<name>`` in the cache.
+    """Return the sources that have to be fetched, a dict by path in the folder of fetched files.
 
-    `devices` are the devices by name, as `resolve` returns them.
+    The path is ``<sha256>/<name>``. `devices` are the devices by name, as `resolve` returns them. A
+    source is a dict, as `sources` returns it.
     """
     return {
         source_path(source, "").lstrip("/"): source

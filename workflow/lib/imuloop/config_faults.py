@@ -55,8 +55,9 @@ def config_faults(config, files, replicas, mirror=None):
 def _validation_faults(config, context=None):
     """Yield (key, text) for each fault of a config whose devices already have the defaults.
 
-    The key is a tuple of the names that lead to the value. `context` is ``{"replicas": …}`` if the
-    files that the config names have to exist, else None.
+    `config` is this config. The key is a tuple of the names that lead to the value with the fault.
+    `context` is ``{"replicas": …}`` if the files that the config names have to exist, else None;
+    replicas are simulated devices, as in `config_faults`.
     """
     try:
         Config.model_validate(config, context=context)
@@ -70,7 +71,8 @@ def _validation_faults(config, context=None):
 def device_faults(name, device):
     """Yield (key, text) for each fault of a device that is declared without a config.
 
-    `name` is the name of the device, and `device` has its keys, a dict without sessions.
+    `name` is the name of the device, and `device` has its keys, a dict without sessions. The key is
+    a tuple of the names that lead to the value with the fault.
     """
     log = {"kind": "static", "file": "log"}
     for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
@@ -79,10 +81,11 @@ def device_faults(name, device):
 
 
 def _where_written(written, key):
-    """Return the key at which the value of `key`, a key of a merged config, is written.
+    """Return the key under which the user wrote the value of `key`, a key of a merged config.
 
-    It may be the key itself, a key of the device for its sessions, or a key of the defaults.
-    `written` are all keys of the config before the merge. Keys are tuples of names.
+    In a merged config each session has the keys of its device and of the defaults. So the value may
+    be written under the key itself, a key of the device, or a key of the defaults. `written` are
+    all keys of the config before the merge. Keys are tuples of names.
     """
     if key in written or len(key) < 3 or key[0] != "devices":
         return key
@@ -117,9 +120,10 @@ def _describe(error, key):
 
 
 def _nearest_unit(name, units):
-    """Return the end of a message, "; did you mean …?", on an unknown unit `name`.
+    """Return the end of a message on an unknown unit: "; did you mean …?".
 
-    It names the one of the possible `units` that `name` spells, or else the most similar one.
+    `name` is the unknown unit, and `units` are the possible ones. The text names the unit that
+    `name` is another spelling of, or else the most similar one; it is empty if none is similar.
     """
     # the unit that `name` spells in another way comes first: by similarity, dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None

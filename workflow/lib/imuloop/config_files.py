@@ -17,10 +17,10 @@ MEMBER = r"^[^/\n{}][^\n{}]*[^/\n{}]$"
 
 
 def source_kind(value):
-    """Return the name of the type of a source in a config: ``url``, ``wheel``, ``pair`` or other.
+    """Return the name of the type of a source in a config: ``url``, ``wheel``, ``pair`` or another.
 
-    `value` is the source as written. Other types, such as ``text`` for a path, are named as in
-    `kind_of`.
+    `value` is the source as written. ``pair`` is a file for each sensor, ``wheel`` a file inside a
+    Python package. Other types, such as ``text`` for a path, are named as in `kind_of`.
     """
     if not isinstance(value, dict):
         return kind_of(value)
@@ -62,13 +62,17 @@ class Wheel(Keys):
 
 
 def existing(folder=False):
-    """Return the type of a path to an existing file or, if `folder`, to a file or a folder.
+    """Return the type of a path to a file that exists or, if `folder`, to a file or a folder.
 
-    If a log is declared without a config, the validation has no context, and no path is checked.
+    It is a type of pydantic. If a log is declared without a config, the validation has no context,
+    and no path is checked.
     """
 
     def check(path, info):
-        """Return a path; raise a ValueError if it has a fault."""
+        """Return the path; raise a ValueError if it cannot be an input of the workflow.
+
+        `info` is the state of pydantic's validation, whose context is None or ``{"replicas": …}``.
+        """
         if info.context and (text := file_fault(path, info.context["replicas"], folder)):
             raise ValueError(text)
         return path
@@ -97,7 +101,10 @@ class Pair(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if both sensors have the same file."""
+        """Yield a fault if both sensors have the same file.
+
+        The arguments are as in `Keys.faults`.
+        """
         one, other = map(keys.get, SENSORS)
         if one is not None and one == other:
             name = one if isinstance(one, str) else file_name(one)

@@ -25,14 +25,18 @@ _WORDS = {"text": str, "truth": bool, "number": (int, float), "list": list, "map
 
 
 def kind_of(value):
-    """Return the word for the type of a value, such as ``text``."""
+    """Return the word for the Python type of a value.
+
+    The words are text, truth, number, list, mapping, and null for None or another type.
+    """
     return next((word for word, kind in _WORDS.items() if isinstance(value, kind)), "null")
 
 
 def either(by=kind_of, **types):
-    """Return the type of a value that may have one of several `types`, by their names.
+    """Return the pydantic type of a value that may have one of several types.
 
-    `by` is a function that takes a value and returns the name of the type that it has to fit.
+    `types` are these types by their names. `by` is a function that takes a value and returns the
+    name of the type that it has to fit.
     """
     members = tuple(Annotated[member, Tag(BRANCH + name)] for name, member in types.items())
     # members is a tuple, which | does not take
@@ -40,9 +44,9 @@ def either(by=kind_of, **types):
 
 
 def is_branch(part):
-    """Return whether a part of the path in an error of pydantic names a branch, not a key.
+    """Return whether a `part` of the path in an error of pydantic names a branch, not a key.
 
-    A branch is an alternative of a value that may have several types.
+    A branch is one of the types that a value may have, as `either` declares them.
     """
     return part == "[key]" or str(part).startswith(BRANCH)
 
@@ -77,7 +81,8 @@ class Keys(BaseModel):
     def _add_faults(cls, data, validate, info):
         """Return the model of a mapping; raise a ValidationError with all faults of its keys.
 
-        These are the faults of each key by itself, and those that depend on several keys.
+        These are the faults of each key by itself, and those that depend on several keys. `data` is
+        the mapping as written, `validate` the validation of pydantic, and `info` its state.
         """
         model, errors, faults = None, [], []
         try:

@@ -31,7 +31,10 @@ NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
 
 
 def name_except(*reserved):
-    """Return the type of a name that becomes a folder; `reserved` names are for other results."""
+    """Return the pydantic type of a name that becomes a folder, except the reserved names.
+
+    The names `reserved` are for other results in the same folder.
+    """
 
     def check(name):
         """Return a name; raise a ValueError if it is reserved."""
@@ -111,7 +114,7 @@ class Count(Keys):
 
 
 def _check_sensor(name):
-    """Return the name of a sensor; raise a ValueError if the table has no such sensor."""
+    """Return the name of a sensor; raise a ValueError if no data sheet for it is known."""
     try:
         find_sensor(name)
     except ImuloopError as error:
@@ -184,7 +187,10 @@ class Device(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault for each wrong range, and for each session in counts without a scale."""
+        """Yield a fault for each wrong range, and for each session in counts without a scale.
+
+        The arguments are as in `Keys.faults`.
+        """
         sensor, ranges = keys.get("sensor", ""), keys.get("range", {})
         nominal = keys.get("nominal", {})
         if None in (sensor, ranges, nominal):
@@ -231,7 +237,10 @@ class Config(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of the folders `mirror` and `cache`."""
+        """Yield the faults of the folders `mirror` and `cache`.
+
+        The arguments are as in `Keys.faults`.
+        """
         mirror, cache = keys.get("mirror") or "", keys.get("cache") or ""
         if mirror and not os.path.isdir(mirror):
             yield ("mirror",), f"there is no folder {mirror}"

@@ -15,14 +15,14 @@ FORMATS += ("matlab", "ros", "phone", "ulog", "dataflash")
 
 
 def check_different(columns):
-    """Return a list of columns; raise a ValueError if a column is named twice."""
+    """Return a list of columns, `columns`; raise a ValueError if a column is named twice."""
     if len({*columns}) < len(columns):
         raise ValueError(f"{columns} names a column twice")
     return columns
 
 
 def columns(count):
-    """Return the type of a list of `count` columns."""
+    """Return the pydantic type of a list of `count` different columns of a log."""
     limits = Field(min_length=count, max_length=count)
     return Annotated[list[Column], limits, AfterValidator(check_different)]
 
@@ -126,7 +126,10 @@ class Marks(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if only one of the two columns of marks in the log is given."""
+        """Yield a fault if only one of the two columns of marks in the log is given.
+
+        The arguments are as in `Keys.faults`.
+        """
         columns = {"counter", "time"}
         for key in columns - {*keys} if keys and {*keys} < columns else ():
             yield (key,), "missing; marks are two columns of the log, or a file"
@@ -209,13 +212,19 @@ class Section(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if neither the angle nor the rate is given."""
+        """Yield a fault if neither the angle nor the rate is given.
+
+        The arguments are as in `Keys.faults`.
+        """
         if not {"angle", "rate"} & {*keys}:
             yield ("angle",), "missing; give an angle or a rate"
 
 
 def _check_time_range(limits):
-    """Return the limits of a time range; raise a ValueError if the start is not before the end."""
+    """Return a time range, `limits`; raise a ValueError if its start is not before its end.
+
+    `limits` is a list of start and end: seconds, texts in ISO 8601, or None for an open side.
+    """
     times = [datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits]
     try:
         if None not in times and times[0] >= times[1]:
@@ -268,7 +277,10 @@ class Session(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault for each key that this kind of session lacks, or cannot have."""
+        """Yield a fault for each key that this kind of session lacks, or cannot have.
+
+        The arguments are as in `Keys.faults`.
+        """
         kind = keys.get("kind")
         instead = {"axis", "angle"} if "sections" in keys else {*()}
         for key in {*NEEDED.get(kind, ())} - {*keys} - instead:

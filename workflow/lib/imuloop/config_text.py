@@ -25,7 +25,7 @@ _NO_NAME = r"(?i)bool (true|false)|null .*"
 
 
 def unreadable(path):
-    """Return a line with the reason if a file does not hold a config, else None."""
+    """Return a line with the reason if the file at `path` does not hold a config, else None."""
     try:
         # if PyYAML reads the file, not its text, its message has the name with the line
         with open(path, encoding="utf-8") as file:
@@ -42,10 +42,11 @@ def unreadable(path):
 
 
 def read_keys(text):
-    """Return the line number of each key in the text of a config, and its faults, two dicts by key.
+    """Return the line number of each key in a config, and the faults of its text, two dicts by key.
 
-    A key is the tuple of all names and indices that lead to a value. A fault is a text: a key is
-    given twice, or YAML takes a value for another type than the user.
+    `text` is the text of the config. A key is the tuple of all names and indices that lead to a
+    value. A fault is a text: a key is given twice, or YAML takes a value for another type than the
+    user.
     """
     lines, faults, waiting = {}, {}, [((), yaml.compose(text, LOADER))]
     for key, node in waiting:
@@ -69,12 +70,18 @@ def read_keys(text):
 
 
 def _typed(node):
-    """Return the type of a node by YAML and its value as text, such as ``str 1e-3``."""
+    """Return the type of a scalar in YAML and its value as text, such as ``str 1e-3``.
+
+    `node` is a node of PyYAML.
+    """
     return f"{node.tag.rpartition(':')[2]} {node.value}"
 
 
 def _trap(written):
-    """Return the text of the fault of a value that YAML takes for another type than the user."""
+    """Return the fault of a value that YAML takes for another type than the user, text.
+
+    `written` is the text of the value, such as 1e-3, which YAML takes for text.
+    """
     meaning = yaml.safe_load(written)
     if isinstance(meaning, str):
         number, *_ = yaml.safe_dump(float(written)).split()

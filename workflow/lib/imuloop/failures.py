@@ -32,7 +32,7 @@ OUTPUTS = {
 
 @dataclass(frozen=True)
 class Failure:
-    """Why results of a device, or of all devices together, are missing."""
+    """Why results of one device, or of all devices together, are missing after a run."""
 
     device: str  # name of the device; empty for results of all devices together
     label: str  # name in the report
@@ -124,10 +124,10 @@ def _failure(name, device, config):
 
 
 def _source(session, config):
-    """Return rule, name and log of the job that should have made a log of a session, or None.
+    """Return rule, name and log file of the job that should have made a missing log, or None.
 
-    Only files that are fetched or simulated come from a job. The first missing file gives the job.
-    `session` is a session as `resolve` returns it, and `config` the config.
+    Only logs that are fetched or simulated come from a job. The first missing file of the session
+    gives the job. `session` is a session as `resolve` returns it, and `config` the config.
     """
     for source in session["sources"].values():
         path = source_path(source, config.get("cache", "data/cache"))

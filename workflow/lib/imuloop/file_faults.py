@@ -15,7 +15,7 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 
 def path_fault(path):
-    """Return the reason, text, if Snakemake cannot use a path; None if it can."""
+    """Return the reason, text, if Snakemake cannot use `path`, a text; None if it can."""
     if not path.isprintable() or path != path.strip():
         return f"{path!a} has a blank at an end or what cannot be printed; rename it"
     if re.search(r"\{.*\}", path):
@@ -31,7 +31,7 @@ def file_fault(path, replicas, folder=False):
     path : str
         The path as the config names it.
     replicas : dict of str to list of str
-        Sessions of each simulated device that the workflow can make.
+        Sessions by name of each simulated device, a replica, that the workflow can make.
     folder : bool, optional
         Whether the path may be a folder, whose files are inputs.
     """

@@ -27,8 +27,8 @@ def log_of(log, columns=None, name="log"):
     """Return a log as a path or a DataFrame, or as a dict with one of these for each sensor.
 
     `log` is a path, a DataFrame, arrays, or a mapping, as `imuloop.calibrate` takes it. `columns`
-    are the declared columns, and `name` is the name of the log in messages. Raises an ImuloopError
-    for a value that is not a log.
+    are the declared columns; with them, `log` may be one array with a row per sample. `name` is the
+    name of the log in messages. Raises an ImuloopError for a value that is not a log.
     """
     if isinstance(log, FILE):
         if not Path(log).exists():
@@ -103,7 +103,7 @@ def _table_of_arrays(arrays):
 
 
 def _array(name, values):
-    """Return array_like values as an array, with nan for masked values.
+    """Return `values`, array_like, as an array with nan for masked values.
 
     `name` is the name of the array in a message. Raises an ImuloopError if rows differ in length.
     """
@@ -116,7 +116,7 @@ def _array(name, values):
 
 
 def _with_index(table):
-    """Return a DataFrame in which the index is a column, if the index has times or a name."""
+    """Return a DataFrame, `table`, whose index has become a column if it has times or a name."""
     name = table.index.name
     if name is None and isinstance(table.index, pd.DatetimeIndex):
         name = TIME
@@ -124,10 +124,10 @@ def _with_index(table):
 
 
 def _make_storable(table, name):
-    """Return a DataFrame that a Parquet file can hold; `name` is the name of the log in messages.
+    """Return a DataFrame that a Parquet file can hold, from any DataFrame, `table`.
 
-    A column that the file cannot hold becomes float64 if it has numbers, otherwise text. Raises an
-    ImuloopError if two columns have the same name.
+    A column that the file cannot hold becomes float64 if it has numbers, otherwise text. `name` is
+    the name of the log in messages. Raises an ImuloopError if two columns have the same name.
     """
     if not table.columns.is_unique:
         [twice, *_] = table.columns[table.columns.duplicated()]

@@ -14,12 +14,12 @@ class Printable(logging.Formatter):
     """Formatter that removes control characters, which a terminal obeys, from log lines."""
 
     def format(self, record):
-        """Return the text of a record of `logging`."""
+        """Return the text of `record`, a LogRecord, without control characters."""
         return printable(super().format(record))
 
 
 def failure_line(error):
-    """Return one line of text about an exception for the user.
+    """Return one line of text about an exception, `error`, for the user.
 
     The line is the text of the exception if this is an `ImuloopError` or an error of a file, of the
     machine or of a missing package. The texts of other exceptions, such as errors of numerical
@@ -44,7 +44,10 @@ def open_log(path, job):
     logging.captureWarnings(True)
 
     def fail(kind, error, traceback):
-        """Log an exception, given by class, object and traceback; show one line on the terminal."""
+        """Log an exception, and show one line about it on the terminal.
+
+        `kind` is its class, `error` the exception, and `traceback` its traceback.
+        """
         logging.error("traceback", exc_info=(kind, error, traceback))
         line = failure_line(error)
         logging.critical(line)
@@ -54,7 +57,10 @@ def open_log(path, job):
 
 
 def last_words(path):
-    """Return the reason at the end of the log of a failed job, text; empty if there is none."""
+    """Return the reason at the end of the log file of a failed job, text; empty if there is none.
+
+    `path` is the path of the log file, which may not exist.
+    """
     if not Path(path).is_file():
         return ""
     lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
@@ -62,6 +68,6 @@ def last_words(path):
 
 
 def say(line):
-    """Write a line to the job's log and to the terminal."""
+    """Write a line of text to the log file of the job and to the terminal."""
     logging.info(line)
     print(one_line(line), file=sys.__stderr__, flush=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def log_digests(paths, record):
-    """Return the SHA-256 of each file, a list of text.
+    """Return the SHA-256 of each file of a log, a list of text.
 
     Only files whose state has changed since the last call are read. The state is size, times and
     inode. It changes with the content, and also if the same log is copied again.
@@ -18,8 +18,8 @@ def log_digests(paths, record):
     paths : list of path-like
         Files, relative to the working folder.
     record : path-like
-        File with a line for each file that was read: its path, state and SHA-256, as JSON. A later
-        line replaces an earlier one.
+        File that remembers the results: a line for each file that was read, with its path, state
+        and SHA-256, as JSON. A later line replaces an earlier one. It is made if it does not exist.
     """
     digests = _read_record(record)
     for path in map(str, paths):
@@ -38,7 +38,11 @@ def log_digests(paths, record):
 
 @cache
 def _read_record(record):
-    """Return the content of a record file, a dict by path: a list of the state and the SHA-256."""
+    """Return the states and digests in a record of `log_digests`, a dict by path of a log file.
+
+    A value is a list: the state, four numbers, and the SHA-256. `record` is the path of the record.
+    Without this file the dict is empty.
+    """
     digests = {}
     with suppress(OSError):
         for line in Path(record).read_text().splitlines():

@@ -11,12 +11,13 @@ from imuloop.report.results import read_device
 class Plots:
     """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them.
 
-    The arguments of a method are names of sensors, sessions or figures. Only figures whose names
-    contain all of them are drawn. A name that no figure has raises an ImuloopError. The methods:
+    A figure is one of matplotlib. The arguments of a method are names of sensors, sessions or
+    figures. Only figures whose names contain all of them are drawn. A name that no figure has
+    raises an ImuloopError. The methods:
 
     - `loop`: errors as logged, calibrated and with the effects corrected.
-    - `poses`: attitudes that were covered.
-    - `attitude`: error of gravity's direction in held-out stretches of a log.
+    - `poses`: attitudes in which the device rested.
+    - `attitude`: error of gravity's direction in stretches of a log to which no model was fitted.
     - `series`: samples of each session, with its rests.
     - `allan`: Allan deviation of each session, with its model.
     - `spectra`: power spectral density of each session.
@@ -31,7 +32,10 @@ class Plots:
         self._device = read_device(device)
 
     def pictures(self, kind):
-        """Return the Pictures of one kind, a list; `kind` is one of `KINDS`."""
+        """Return the Pictures of one kind, a list, from which figures are drawn.
+
+        `kind` is one of `KINDS`, the names of the methods.
+        """
         return pictures(self._device, kind)
 
     def __getattr__(self, kind):
@@ -45,9 +49,10 @@ class Plots:
         return [*super().__dir__(), *KINDS]
 
     def _figures(self, kind, *names):
-        """Return the figures of a kind whose names contain all of `names`, a list.
+        """Return the figures of one kind whose names contain all of `names`, a list.
 
-        Raises an ImuloopError for a name that no figure has.
+        `kind` is one of `KINDS`, such as ``allan``. Raises an ImuloopError for a name that no
+        figure has.
         """
         drawn = {p.stem: p for p in self.pictures(kind)}
         places = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]

@@ -32,7 +32,10 @@ IN_MEMORY = "in memory"
 
 @dataclass(frozen=True)
 class Result:
-    """The results of all stages for one device."""
+    """The results of all stages for one device: its calibration, noise, diagnosis and report.
+
+    They are read from the files in the device's folder when they are first used.
+    """
 
     device: chain.Device  # input of the stages; its folder has the result files
     # a TemporaryFolder, which exists as long as the result; None if the user named the folder
@@ -45,12 +48,12 @@ class Result:
 
     @property
     def logs(self) -> dict:
-        """Where the log of each session came from: its path, or ``in memory``."""
+        """Source of the log of each session, a dict by session: a path, or ``in memory``."""
         return {name: log_source(quality) or name for name, quality in self._qualities.items()}
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Lines on the logs that were rejected, each with the reasons."""
+        """Lines of text on the logs that ingest rejected, each with the reasons."""
         rejected = {n: q["reasons"] for n, q in self._qualities.items() if q["reasons"]}
         return tuple(f"{self._log(n)}: rejected: {'; '.join(why)}" for n, why in rejected.items())
 
@@ -61,23 +64,23 @@ class Result:
         return tuple(f"{self._log(n)}: {text}" for n, q in by_session for text in q["warnings"])
 
     def _log(self, session):
-        """Return the name of a session's log in messages: its path, or the session's name."""
+        """Return the name of a session's log in messages: its path, or else `session`, its name."""
         source = self.logs[session]
         return session if source == IN_MEMORY else source
 
     @cached_property
     def calibration(self) -> Calibration:
-        """The final calibration with its effects, which is the model that was diagnosed."""
+        """The final calibration with its effects, the model that the diagnosis ended with."""
         return Calibration.from_json(self.device.file("calibration.json"))
 
     @cached_property
     def noise(self) -> dict:
-        """Noise of each channel, ``ax`` to ``gz``, an `AxisNoise` in SI units."""
+        """Noise of each channel, a dict of `AxisNoise` by channel, ``ax`` to ``gz``, SI."""
         return NoiseModel.from_json(self.device.file("noise.json")).axes
 
     @cached_property
     def diagnosis(self) -> dict:
-        """Content of diagnosis.json."""
+        """Content of diagnosis.json, a dict: verdicts, effects and errors of each sensor."""
         return read_json(self.device.file("diagnosis.json"))
 
     @property
@@ -105,8 +108,8 @@ class Result:
         """Write the report, one HTML file, to `path`; return this path.
 
         `command` is the command that the report names as its origin. The report has relative links
-        to `folder`, in which the result will be saved, or to the result files as they are. Files in
-        a temporary folder get no links.
+        to the result files in `folder`, in which the result will be saved, or by default to the
+        files where they are. Files in a temporary folder get no links.
         """
         from imuloop.report.provenance import provenance
         from imuloop.report.report import write_report
@@ -128,7 +131,7 @@ class Result:
         return path
 
     def export(self, folder) -> list:
-        """Write files with the calibration for other tools into a folder; return their paths."""
+        """Write files with the calibration for other tools into `folder`; return their paths."""
         make_folder(folder)
         chain.export(self.device)
         sources = sorted(self.device.file("exports").iterdir())
@@ -139,9 +142,9 @@ class Result:
         return targets
 
     def save(self, folder) -> Path:
-        """Copy the result's files into a folder, for `imuloop.load`; return the folder's path.
+        """Copy the result's files into `folder`, for `imuloop.load`; return the path of `folder`.
 
-        The folder gets exports and Allan curves, too, as results of the workflow.
+        It also gets exports and Allan curves, like the results of the workflow.
         """
         make_folder(folder)
         self._write_curves()
@@ -184,7 +187,8 @@ class Result:
 def verdict_lines(diagnosis):
     """Return the verdicts of a diagnosis as lines of text, a list.
 
-    Kinds of data with the same verdict share a line. `diagnosis` is the content of diagnosis.json.
+    Sensors and kinds of data with the same verdict share a line. `diagnosis` is the content of
+    diagnosis.json.
     """
     from imuloop.report.findings import blocks
     from imuloop.report.page import phrase
@@ -197,13 +201,13 @@ def verdict_lines(diagnosis):
 
 
 def _wrap(lines):
-    """Return lines of text, a list, in which none is longer than `WIDTH`."""
+    """Return `lines` of text as a list in which no line is longer than `WIDTH`."""
     wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
     return [part for parts in wrapped for part in parts]
 
 
 class TemporaryFolder:
-    """A folder that is removed, without a warning, when nothing holds it any more."""
+    """A folder that is removed when no object refers to it any more; `name` is its path."""
 
     def __init__(self):
         self.name = tempfile.mkdtemp(prefix="imuloop-")
@@ -211,9 +215,10 @@ class TemporaryFolder:
 
 
 def _unpickle(device, files):
-    """Return a Result with its files in a temporary folder, which is removed with the Result.
+    """Return the Result of a pickle, with its files in a temporary folder that is removed with it.
 
-    `files` has the content of each file by its path in the folder of the Device.
+    `device` is its Device, whose folder may not exist on this machine. `files` has the content of
+    each file by its path in that folder.
     """
     folder = TemporaryFolder()
     for name, content in files.items():
@@ -255,7 +260,7 @@ def load(folder) -> Result:
 
 
 def log_source(quality):
-    """Return the source of a log: its path, ``in memory``, or an empty text.
+    """Return the source of a log as text: its path, ``in memory``, or an empty text if not known.
 
     `quality` is the content of its quality.json. The paths of a log in two files are joined by
     "and".
@@ -266,9 +271,9 @@ def log_source(quality):
 
 
 def _link(page, name, folder):
-    """Rewrite a page so that its links to the results of a device lead to a folder.
+    """Rewrite the report of a device so that its links to result files lead to `folder`.
 
-    `page` is the path of the HTML file, `name` the name of the device. If `folder` is None, the
+    `page` is the path of the HTML file, and `name` the name of the device. If `folder` is None, the
     page has no links to result files and no words about them.
     """
     text = page.read_text("utf-8")
@@ -288,9 +293,9 @@ def _link(page, name, folder):
 
 
 def _basis(sensor):
-    """Return a text on a SensorCalibration: its method, its scale factors and its biases.
+    """Return a text on the calibration of a sensor: its method, scale factors and biases.
 
-    The values have their standard errors.
+    The values have their standard errors. `sensor` is the SensorCalibration.
     """
     from imuloop.report.numbers import typeset, with_sigma
     from imuloop.report.page import WORDS

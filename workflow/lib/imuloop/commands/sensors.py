@@ -27,8 +27,8 @@ def run(arguments):
 def listing_line(name):
     """Return the line of text for a sensor in the list: key, manufacturer, evidence and ranges.
 
-    The evidence is where the figures come from, such as a data sheet. `name` is the key of the
-    sensor.
+    The evidence is the kind of document that has the figures, such as a data sheet. `name` is the
+    key of the sensor.
     """
     sheet = find_sensor(name)
     both = [figures for figures in (sheet.accelerometer, sheet.gyroscope) if figures]
