@@ -12,11 +12,11 @@ INTERRUPTED = 130
 
 
 def main(argv=None):
-    """Run one command; return the exit status.
+    """Run one command of imuloop; return the exit status.
 
     The status is 0 for success, 1 after an error that is shown in one line, 130 after Ctrl-C, or
-    another number that the command returns. `argv` are the arguments, by default those of the
-    process.
+    another number that the command returns. `argv` are the words of the command line, by default
+    those of the process.
     """
     before = signal.signal(signal.SIGINT, _leave)
     try:

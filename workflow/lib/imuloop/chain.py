@@ -114,7 +114,10 @@ def segment(device):
 
 
 def noise(device):
-    """Write the noise of a Device, noise.json, and the spectra of its sessions, spectra.parquet."""
+    """Write the noise model of a Device, noise.json, and the spectra of its sessions.
+
+    The spectra, power spectral densities at rest, are in spectra.parquet.
+    """
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise
     from imuloop.noise.records import read_recorded

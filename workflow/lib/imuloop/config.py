@@ -127,11 +127,11 @@ def _session_name(path, session, taken):
 
 
 def resolve(config):
-    """Return the devices of a config without faults by name, each a dict with all defaults.
+    """Return the devices of a config by name, each a dict with all defaults filled in.
 
-    A device has ``label``, the keys of the result of `known_figures`, the settings of each stage,
-    ``type`` (None if not given), ``prior`` with ``file`` and ``type`` (empty if not given), and
-    ``sessions`` by name.
+    `config` is the config as Snakemake merged it, without faults. A device has ``label``, the keys
+    of the result of `known_figures`, the settings of each stage, ``type`` (None if not given),
+    ``prior`` with ``file`` and ``type`` (empty if not given), and ``sessions`` by name.
 
     A session has ``kind``, ``format``, ``sources``, ``columns``, ``units``, ``rate`` (Hz),
     ``time_range``, ``pps``, ``reference`` and ``known_rotation``. The sources are by role: ``log``,
@@ -206,7 +206,7 @@ def by_type(devices):
 
 
 def is_stored(path):
-    """Return whether a path, such as s3://bucket/key, is one of a storage plugin of Snakemake."""
+    """Return whether `path` is on a remote storage that Snakemake reads, such as s3://bucket/key."""
     return "://" in path
 
 

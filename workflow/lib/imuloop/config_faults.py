@@ -25,11 +25,11 @@ def config_faults(config, files, replicas, mirror=None):
     config : dict
         The config as Snakemake merged it.
     files : dict of str to path-like
-        The files that the config came from, by the name that a message shows.
+        Paths of the files that the config came from, by the name that a message shows.
     replicas : dict of str to list of str
-        Sessions of each simulated device that the workflow can make.
+        Names of the sessions of each replica, a simulated device that the workflow can make.
     mirror : str, optional
-        Folder named by the environment variable IMULOOP_MIRROR.
+        Folder of copies of downloads, named by the environment variable IMULOOP_MIRROR.
     """
     config, lines, faults = without_dates(config), {}, {}
     for name, path in files.items():
@@ -96,7 +96,10 @@ def _where_written(written, key):
 
 
 def _describe(error, key):
-    """Return the text of a fault; `error` is an error of pydantic about the value of `key`."""
+    """Return the text of a fault in a config.
+
+    `error` is an error of pydantic about the value of `key`, a tuple of the names that lead to it.
+    """
     rule, value, context = error["type"], error["input"], error.get("ctx", {})
     shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:76]}…"
     if rule == "unexpected_keyword_argument":

@@ -52,7 +52,7 @@ def is_branch(part):
 
 
 class Keys(BaseModel):
-    """A mapping of keys that refuses unknown keys."""
+    """A mapping in a config that refuses unknown keys, and reports all of its faults at once."""
 
     model_config = ConfigDict(extra="forbid")
 

@@ -93,9 +93,9 @@ def _failure(name, device, config):
     """Return the Failure of a device, or None if its part of the report is up to date.
 
     The stage that failed is the one whose output is missing, the first in the order of `OUTPUTS`.
-    If all are there, but the part of the report is older than a log or a result, it is the stage
-    `report_device`. `name` is the name of the device, `device` the device as `resolve` returns it,
-    and `config` the config.
+    If all outputs are there, but the part of the report is older than a log or a result, it is the
+    stage `report_device`. `name` is the name of the device, `device` the device as `resolve`
+    returns it, and `config` the config.
     """
     for stage, pattern in OUTPUTS.items():
         for session, plan in device["sessions"].items() if "{" in pattern else [("", {})]:

@@ -79,9 +79,10 @@ def _table_of_columns(columns, name):
 
 
 def _table_of_arrays(arrays):
-    """Return the DataFrame of a log of arrays, a dict by their names in `ARRAYS`.
+    """Return the DataFrame of a log that is given as arrays.
 
-    Raises an ImuloopError for an array that is missing, or has another name or a wrong shape.
+    `arrays` is a dict of them by their names in `ARRAYS`. Raises an ImuloopError for an array that
+    is missing, or has another name or a wrong shape.
     """
     for name in {*arrays} - {*ARRAYS}:
         raise ImuloopError(f"{name}: no array of a log{nearest(str(name), ARRAYS)}")

@@ -34,9 +34,10 @@ def failure_line(error):
 
 
 def open_log(path, job):
-    """Send all log lines of a job, warnings and the traceback of a failure to the file `path`.
+    """Send all log lines of a job, warnings and the traceback of a failure to a log file.
 
-    When the job fails, the terminal gets one line that names `job`, its stage and device.
+    `path` is the path of the file. When the job fails, the terminal gets one line that names `job`,
+    a text with its stage and device.
     """
     logging.basicConfig(filename=path, filemode="w", level=logging.INFO, force=True)
     for handler in logging.getLogger().handlers:

@@ -65,5 +65,5 @@ class Plots:
 
 
 def _holds(stem, name):
-    """Return whether the name of a figure, `stem`, contains `name` as whole words."""
+    """Return whether the name of a figure, `stem`, contains the text `name` as whole words."""
     return f"_{name}_" in f"_{stem}_"

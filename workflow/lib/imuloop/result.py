@@ -59,7 +59,7 @@ class Result:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines on facts in the logs that the user should look at: the warnings of ingest."""
+        """Lines of text on facts in the logs that the user should look at, by ingest."""
         by_session = self._qualities.items()
         return tuple(f"{self._log(n)}: {text}" for n, q in by_session for text in q["warnings"])
 
@@ -85,7 +85,10 @@ class Result:
 
     @property
     def verdict(self) -> dict:
-        """Verdict by sensor and kind of data, such as ``verdict["gyroscope"]["poses"]``."""
+        """Verdict by sensor and kind of data, such as ``verdict["gyroscope"]["poses"]``.
+
+        A verdict is a word on the remaining error, such as ``consistent`` or ``unexplained``.
+        """
         return {
             sensor: {record: block["verdict"] for record, block in records.items()}
             for sensor, records in self.diagnosis["sensors"].items()
@@ -93,7 +96,7 @@ class Result:
 
     @property
     def plot(self):
-        """The report's figures, `imuloop.plot.Plots`."""
+        """The report's figures, an `imuloop.plot.Plots`: ``plot.allan()`` returns some of them."""
         from imuloop.plot import Plots
 
         self._write_curves()

@@ -49,7 +49,7 @@ class Log:
         return " and ".join(map(str, self.paths))
 
     def refuse_no_log(self):
-        """Raise an ImuloopError if a file does not exist, or is a JSON document as results are."""
+        """Raise an ImuloopError if a file of the log does not exist, or is a JSON result."""
         for path in self.paths:
             if not path.exists():
                 raise ImuloopError(f"{path}: there is no such file")

@@ -263,7 +263,8 @@ def write_comparison(path, summaries, failures=()):
 def _row(summary):
     """Return the row of a device in comparison.csv, a dict by header.
 
-    `summary` is the content of summary.json. All devices have the same headers.
+    `summary` is the content of summary.json of the device. All devices have the same headers; a
+    number that is not known is None.
     """
     why = [f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]]
     texts = {key: summary[key] for key in ("device", "label", "status")} | {"why": "; ".join(why)}

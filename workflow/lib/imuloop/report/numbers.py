@@ -14,7 +14,7 @@ def missing(value):
 
 
 def _exponent(value):
-    """Return the decimal exponent of a number, 3 for 2500; 0 for zero."""
+    """Return the decimal exponent of a number, `value`: 3 for 2500; 0 for zero."""
     return math.floor(math.log10(abs(value))) if value else 0
 
 
@@ -27,7 +27,7 @@ def _fixed(value, decimals):
 
 
 def typeset(unit):
-    """Return a unit of the result files as it is printed: m/s^2 becomes m/s²."""
+    """Return the unit `unit` of the result files as it is printed: m/s^2 becomes m/s²."""
     return unit.replace("^2", "²").replace("^3", "³").replace("sqrt(s)", "√s")
 
 

@@ -87,7 +87,7 @@ def phrase(code, **values):
 
 
 def sentence(text):
-    """Return a text with a capital letter first, and a full stop or a question mark last."""
+    """Return `text` with a capital letter first, and a full stop or a question mark last."""
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?')) else '.'}"
 
 

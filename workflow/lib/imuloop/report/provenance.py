@@ -11,10 +11,11 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "vqf")
 
 
 def provenance(release, repository, command, config):
-    """Return commit, command, versions and config, by which a report can be made again.
+    """Return the origin of a report, by which it can be made again, a dict.
 
-    `release` is the version of imuloop, `repository` the folder of the workflow, `command` the
-    command that was run, and `config` the resolved config of all devices.
+    It has commit, command, versions of packages, and config. `release` is the version of imuloop,
+    `repository` the folder of the workflow, `command` the command that was run, and `config` the
+    resolved config of all devices.
     """
     versions = {"python": platform.python_version()}
     for name in PACKAGES:

@@ -111,7 +111,7 @@ class DeviceResults:
 
     @property
     def figures(self):
-        """Folder of the numbers behind the figures."""
+        """Folder of the drawings and of the CSV files with their numbers."""
         return self.folder / "figures"
 
 

@@ -134,7 +134,7 @@ class Picture:
 
     @cached_property
     def svg(self):
-        """The drawing as the text of an SVG file, in fixed colours."""
+        """The drawing as the text of an SVG file; its colours do not follow the page."""
         file = io.StringIO()
         with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
             # `savefig` would lay it out twice
