@@ -206,7 +206,7 @@ def by_type(devices):
 
 
 def is_stored(path):
-    """Return whether `path` is on a remote storage that Snakemake reads, such as s3://bucket/key."""
+    """Return whether `path` is on a remote storage that Snakemake reads: s3://bucket/key."""
     return "://" in path
 
 

@@ -27,18 +27,20 @@ _SINCE = re.compile(r"\s*(\w+)\s+since\s+(\d.*)", re.IGNORECASE)
 
 
 def read_parquet(paths, columns=None):
-    """Return the RawLog of the Parquet table at ``paths["log"]``.
+    """Return the RawLog of a Parquet table, the log as it was read.
 
-    `columns` are the declared columns by quantity.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, such
+    as ``acceleration``, or None.
     """
     with pq.ParquetFile(paths["log"]) as file:
         return _arrow_log(file.schema_arrow, file.read, columns)
 
 
 def read_feather(paths, columns=None):
-    """Return the RawLog of the Feather file (version 2, an Arrow file) at ``paths["log"]``.
+    """Return the RawLog of a Feather file (version 2, an Arrow file), the log as it was read.
 
-    `columns` are the declared columns by quantity.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, such
+    as ``acceleration``, or None.
     """
     table = pa.ipc.open_file(paths["log"]).read_all()
     # offsets in a damaged file may point beyond its end
@@ -73,9 +75,9 @@ def _arrow_log(schema, read, columns):
 
 
 def _log(tree, columns, units=None):
-    """Return the RawLog of named arrays, whose columns are found by `_columns`.
+    """Return the RawLog of a tree of named arrays, as a file of NumPy, MATLAB or NetCDF holds them.
 
-    Only columns as long as the columns of the sensors are read.
+    Only columns as long as the columns of the sensors are read; `_columns` finds them.
 
     Parameters
     ----------
@@ -111,13 +113,13 @@ def _log(tree, columns, units=None):
 
 
 def _columns(name, value):
-    """Return the columns in a variable, arrays of shape (n,) by name of the column.
+    """Return the columns in a variable of a file, arrays of shape (n,) by name of the column.
 
     The variable has the `name`, and its `value` is an array or a dict. An array of shape (n,), (n,
-    1) or (1, n) is a column. One of shape (n, 3) or (3, n) has the columns ``NAME.x``, ``NAME.y``
-    and ``NAME.z``. Another matrix has the columns ``NAME.0``, ``NAME.1`` and so on; its longer side
-    is time. A field of a structured array, or a member of a dict, is a variable ``NAME.FIELD``. A
-    variable that cannot be samples has no columns.
+    1) or (1, n) is one column of n samples. One of shape (n, 3) or (3, n) has the columns
+    ``NAME.x``, ``NAME.y`` and ``NAME.z``. Another matrix has the columns ``NAME.0``, ``NAME.1`` and
+    so on; its longer side is time. A field of a structured array, or a member of a dict, is a
+    variable ``NAME.FIELD``. A variable that cannot be samples has no columns.
     """
     if isinstance(value, np.ndarray) and value.dtype.names:
         value = {field: value[field] for field in value.dtype.names}
@@ -141,9 +143,10 @@ def _columns(name, value):
 def _of_one_length(series, chosen):
     """Return the names of the columns that are as long as the columns of sensors or reference.
 
-    `series` are all columns by name, and `chosen` are the Columns that were found among them. If
-    `chosen` has no sensor and no reference, the names of the longest columns are returned. An
-    ImuloopError is raised if columns of sensors and reference differ in length.
+    `series` are all columns of a file by name, and `chosen` are the Columns: where those of sensors
+    and reference are among them. If `chosen` has no sensor and no reference, the names of the
+    longest columns are returned. Raises an ImuloopError if columns of sensors and reference differ
+    in length.
     """
     names = [*series]
     read = [names[at] for key, at in chosen.raw.items() if key not in (STAMP, TEMPERATURE)]
@@ -155,17 +158,17 @@ def _of_one_length(series, chosen):
 
 
 def _column(values):
-    """Return an array, (n,), as an Arrow array; masked values become null."""
+    """Return an array, `values`, (n,), as an Arrow array; masked values become null."""
     # Arrow has no numbers of more than 8 bytes, and none in a foreign byte order
     kind = values.dtype.newbyteorder("=") if values.dtype.itemsize <= 8 else float
     return pa.array(values.astype(kind, copy=False))
 
 
 def read_numpy(paths, columns=None):
-    """Return the RawLog of the NumPy file at ``paths["log"]``: an array, .npy, or several, .npz.
+    """Return the RawLog of a NumPy file: an array, .npy, or several arrays, .npz.
 
-    `columns` are the declared columns by quantity. Each field of a structured array is a column.
-    Pickled objects are never loaded.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, or
+    None. Each field of a structured array is a column. Pickled objects are never loaded.
     """
     archive = np.load(path := paths["log"], mmap_mode="r", allow_pickle=False)
     if isinstance(archive, np.ndarray):
@@ -188,10 +191,11 @@ def read_numpy(paths, columns=None):
 
 
 def read_matlab(paths, columns=None):
-    """Return the RawLog of the MATLAB file at ``paths["log"]``: version 5 (-v6, -v7) or 7.3.
+    """Return the RawLog of a MATLAB file of version 5 (-v6, -v7) or 7.3.
 
-    `columns` are the declared columns by quantity. The field of a struct is the column
-    ``STRUCT.FIELD``. A file that is text is read as a text table.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, or
+    None. The field of a struct is the column ``STRUCT.FIELD``. A file that is text is read as a
+    text table.
     """
     with open(path := paths["log"], "rb") as file:
         head = file.read(LONGEST_LINE)
@@ -211,14 +215,20 @@ def read_matlab(paths, columns=None):
 
 
 def _matlab_73(path):
-    """Return the variables of a MATLAB file of version 7.3, which is HDF5, a dict by name."""
+    """Return the variables of a MATLAB file of version 7.3, which is HDF5, arrays by name.
+
+    `path` is the path of the file. Variables that are not numbers are left out.
+    """
     import h5py
 
     _check_links(path)
     tree, unread = {}, {"MATLAB_object_decode", "MATLAB_empty"}
 
     def add(name, item):
-        """Add an item of the file, by its path in it, if it is a variable of numbers."""
+        """Add an item of the file to the variables if it is an array of numbers.
+
+        `name` is its path in the file, and `item` the object of h5py.
+        """
         if isinstance(item, h5py.Dataset) and not name.startswith("#refs#"):
             if unread.isdisjoint(item.attrs) and item.attrs.get("MATLAB_class") != b"char":
                 _check_announced(path, tree, item.nbytes)
@@ -231,10 +241,11 @@ def _matlab_73(path):
 
 
 def read_netcdf(paths, columns=None):
-    """Return the RawLog of the NetCDF file at ``paths["log"]``.
+    """Return the RawLog of a NetCDF file, the log as it was read.
 
-    The time is the coordinate of its longest dimension, unless a time is declared. `columns` are
-    the declared columns by quantity.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, or
+    None. The time is the coordinate variable of the longest dimension in the file, unless a time is
+    declared.
     """
     # both take long to import
     import h5py
@@ -271,15 +282,16 @@ def _check_announced(path, arrays, size):
 def _check_links(path):
     """Raise a RejectedLog if an HDF5 file has values in another file, which may be any file.
 
-    Soft links stay in the file. Hard links do, too, unless the dataset itself names other files.
-    All other kinds of links lead out of the file.
+    `path` is the path of the HDF5 file. Soft links stay inside of it. Hard links do, too, unless
+    the dataset itself names other files. All other kinds of links lead out of the file.
     """
     import h5py
 
     def fault(name, link):
-        """Return the reason, text, if a link is refused; `name` is its path in the file, bytes.
+        """Return the reason, text, if a link of the file is refused, else None.
 
-        A reason ends the visit of the library, which would not pass on an error.
+        `name` is the path of the link in the file, bytes, and `link` describes its type. A reason
+        ends the visit of the library, which would not pass on an error.
         """
         if name.count(b"/") > _DEEPEST:
             return f"groups lie in each other, more than {_DEEPEST}: save one table"
@@ -299,10 +311,11 @@ def _check_links(path):
 
 
 def _dates(values, text):
-    """Return the dates that numbers stand for, a masked array, (n,), or None if they are not dates.
+    """Return the dates for which the numbers of a NetCDF variable stand, a masked array, or None.
 
-    `values` are the numbers, (n,), and `text` is their unit. They are dates if the unit is such as
-    ``seconds since 2024-01-01``. A RejectedLog is raised for dates outside of `YEARS`.
+    `values` are the n numbers, (n,), and `text` is their unit. They are dates if the unit is such
+    as ``seconds since 2024-01-01``; otherwise the result is None. The array has the shape (n,). A
+    RejectedLog is raised for dates outside of `YEARS`.
     """
     match = _SINCE.fullmatch(text)
     unit = match and ("D" if match[1].lower() in ("day", "days") else stated_unit("time", match[1]))

@@ -19,8 +19,9 @@ COMPARED = 0.1
 class Reference:
     """Attitudes and places of a body over time, measured by another instrument.
 
-    `t` are the times, s, (n,). `q` are the quaternions of the attitudes, (n, 4), scalar first, and
-    `p` are the places, m, (n, 3). Values that are not known are not-a-number.
+    `t` are the times of n samples, s, (n,). `q` are the unit quaternions of the attitudes, (n, 4),
+    scalar first, which rotate from body to world once the declared convention is applied. `p` are
+    the places, x, y, z on axes of the world, m, (n, 3). Values that are not known are not-a-number.
     """
 
     t: np.ndarray
@@ -39,11 +40,12 @@ class Reference:
 
 
 def turns(reference, seconds=COMPARED):
-    """Return the rotations of a Reference over m intervals of about `seconds`.
+    """Return the rotations of a body over m short intervals, by a Reference.
 
     The results are the start and the end of each interval, s, (m,) each, and the rotation vector
-    from start to end, rad, on body axes, (m, 3). An interval begins at each sample. Intervals of
-    1.5 times `seconds` or more, as over a gap, are left out.
+    from start to end, rad, on axes of the body, (m, 3). An interval begins at each sample of
+    `reference` with an attitude, and ends at the first one after `seconds`. Intervals of 1.5 times
+    `seconds` or more, as over a gap, are left out.
     """
     rows = np.flatnonzero(reference.has_attitude)
     t, rotation = reference.t[rows], Rotation.from_quat(reference.q[rows], scalar_first=True)
@@ -55,10 +57,11 @@ def turns(reference, seconds=COMPARED):
 
 
 def angles(t, w, start, end):
-    """Return the integrals of the angular rate over m intervals, rad, (m, 3).
+    """Return the integrals of the angular rate over m intervals, trapezoidal, rad, (m, 3).
 
-    `t` are the times of samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). `start` and
-    `end` are the times of the ends of the intervals, s, (m,).
+    The second axis is x, y, z of the sensor. `t` are the times of n samples, s, (n,), and `w` their
+    angular rates, rad/s, (n, 3). `start` and `end` are the times at which the intervals start and
+    end, s, (m,) each.
     """
     total = cumulative_trapezoid(w, t, axis=0, initial=0)
     first, last = (np.column_stack([np.interp(x, t, c) for c in total.T]) for x in (start, end))
@@ -66,11 +69,12 @@ def angles(t, w, start, end):
 
 
 def at_instants(reference, t):
-    """Return attitude and place of a Reference at the times `t`, s, (m,), a dict of columns, (m,).
+    """Return attitude and place by a Reference at other times, a dict of columns, (m,) each.
 
-    The columns are `ORIENTATION` and `POSITION`. Values between samples come from cubics. They are
-    not-a-number in a gap longer than both `BRIDGED` and 1.5 usual steps, and in stretches of fewer
-    than four samples.
+    The m times are `t`, s, (m,), on the clock of `reference`. The columns are `ORIENTATION`, a
+    quaternion, and `POSITION`, m. Values between samples come from cubic splines. They are
+    not-a-number in a gap longer than both `BRIDGED`, s, and 1.5 usual steps of the samples, and in
+    parts between gaps with fewer than four samples.
     """
     longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
     times, q = reference.t[reference.has_attitude], reference.q[reference.has_attitude]
@@ -84,10 +88,11 @@ def at_instants(reference, t):
 
 
 def _by_cubics(t, times, values, longest):
-    """Return values at the times `t`, s, (m,), by cubics through n samples, (m, k).
+    """Return values at other times, (m, k), by cubic splines through n samples of k quantities.
 
-    The samples have the `times`, s, (n,), and the `values`, (n, k). The result is not-a-number in
-    gaps longer than `longest`, s, and in stretches of fewer than four samples.
+    `t` are the m times, s, (m,). The samples have the `times`, s, (n,), and the `values`, (n, k).
+    The result is not-a-number in gaps longer than `longest`, s, and in parts between gaps with
+    fewer than four samples.
     """
     at_t = np.full((len(t), values.shape[1]), np.nan)
     breaks = np.flatnonzero(np.diff(times) > longest) + 1

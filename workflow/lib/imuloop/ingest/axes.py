@@ -41,10 +41,15 @@ CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
 def fit_axes(means, step):
-    """Return the agreement of the axes of both sensors, the entry ``axes`` of quality.json, a dict.
+    """Return how well the axes of both sensors agree, the entry ``axes`` of quality.json, or None.
 
-    `means` are m successive means of the six channels, each over `step` s, SI, (6, m). The result
-    is None if gravity turns in fewer than `LEAST_STEPS` pairs of windows.
+    `means` are m successive means of the six channels, each over `step` s, SI, (6, m): specific
+    force x, y, z, then angular rate x, y, z. The entry is a dict: ``agreement``, the mean cosine
+    between the measured turns of gravity and the turns that the angular rate gives with the axes as
+    logged; ``best``, the same with the best signed permutation of the axes; ``ratio``, turns by the
+    angular rate over turns of gravity, or None; and ``mapping``, the best permutation if it is not
+    as logged, as in `mapping_words`, or None. The result is None if gravity turns in fewer than
+    `LEAST_STEPS` pairs of neighbouring windows of `TURN_WINDOW` s.
     """
     fine = max(round(TURN_WINDOW / step), 1)
     count = means.shape[1] // fine

@@ -35,17 +35,18 @@ MOST = 0.9
 def new_rows(samples, names):
     """Return the rows in which a sensor has a new sample, an index array, (k,), or a slice of all.
 
-    `samples` are columns by name, and `names` the channels of the sensor. If it is the slower one
-    of two sensors, rows repeat its samples.
+    `samples` are the columns of a log by name, and `names` the channels of the sensor. If it is the
+    slower one of two sensors with own clocks, rows repeat its samples.
     """
     stamps = {axes: OWN_TIME[sensor] for sensor, axes in SENSORS.items()}.get(tuple(names))
     return own_rows(samples[stamps]) if stamps in samples else slice(None)
 
 
 def quantisation_step(x):
-    """Return the smallest step between the values of a channel x, (n,); 0 if more than half differ.
+    """Return the quantisation step of a channel, the smallest step between its values.
 
-    It is the quantisation step, which is not known if more than half of the values are distinct.
+    `x` are the samples of the channel, (n,). The result is 0 if the step is not known, because more
+    than half of the values are distinct.
     """
     # only the first part of a long log is used
     x = x[:ROWS][np.isfinite(x[:ROWS])]
@@ -57,14 +58,18 @@ def quantisation_step(x):
 
 
 def blocks(x):
-    """Return n samples x as blocks, (n // BLOCK, BLOCK), without the last rows if too few."""
+    """Return the samples x, (n,), cut into blocks of `BLOCK` rows, (n // BLOCK, BLOCK).
+
+    Rows at the end that do not fill a block are left out.
+    """
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
 def least_stuck(lengths):
-    """Return the number of rows from which on a run is stuck; infinite if no run is stuck.
+    """Return the number of rows from which on a run of one value is a stuck value, not chance.
 
-    `lengths` are the numbers of rows of all m runs of a channel, (m,).
+    A run is a number of successive rows with one value. `lengths` are the numbers of rows of all m
+    runs of a channel, (m,). The result is infinite if no run is stuck.
     """
     ordered = np.sort(lengths)
     longer = ordered[FEWEST:]
@@ -121,7 +126,7 @@ class Channel:
 
     @property
     def is_silent(self):
-        """Whether the channel changes, but is constant in most blocks.
+        """Whether the channel changes, but is constant in most blocks of `BLOCK` rows.
 
         A channel with one or two stuck runs is not silent.
         """
@@ -150,10 +155,10 @@ class Channel:
     def _wraps(self):
         """Return the rows after which an integer wraps around, (k,) of int.
 
-        A wrap is a jump from one end of the range to the other. A jump does not count if the ends
-        differ in size by more than a fifth of the range. It does not count either if the steps just
-        before or after it are large (a value swings from end to end), or if the value stays at an
-        end (it saturates).
+        A wrap is a jump from one end of the integer's range to the other. A jump does not count if
+        the ends differ in size by more than a fifth of the range. It does not count either if the
+        steps just before or after it are large (a value swings from end to end), or if the value
+        stays at an end (it saturates). The k rows are numbers from 0.
         """
         size, span = np.abs(np.diff(self.x)), self.high - self.low
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
@@ -168,6 +173,7 @@ class Channel:
 def rows_a_value(channels):
     """Return the mean number of rows for which a sensor holds a value; 1 if it holds none.
 
+    A sensor that is read faster than it samples holds each value for about the same number of rows.
     `channels` is the list of the Channels of the sensor.
     """
     lengths = np.diff(np.flatnonzero(np.any([c.changed for c in channels], axis=0)))
@@ -180,9 +186,10 @@ def rows_a_value(channels):
 
 
 def count_alone(mask):
-    """Return the number of rows in which a mask, (n,), is true, but false just before and after.
+    """Return the number of rows in which `mask` is true, but false in the rows before and after.
 
-    The result is 0 if these rows are not more than the share `OFTEN` of all rows.
+    `mask` has n rows, (n,) of bool. The result is 0 if these rows are not more than the share
+    `OFTEN` of all rows.
     """
     alone = int(np.count_nonzero(mask[1:-1] & ~mask[:-2] & ~mask[2:]))
     return alone if alone > OFTEN * len(mask) else 0

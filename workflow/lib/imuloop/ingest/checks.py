@@ -71,13 +71,17 @@ class Check:
 def listed(counts, text="{0} {1}"):
     """Return a text for each name in `counts` whose count is not zero, a list.
 
-    `text` is the format of a text, with the name as {0} and the count as {1}.
+    `counts` are numbers by name. `text` is the format of a text, with the name as {0} and the count
+    as {1}.
     """
     return [text.format(name, count) for name, count in counts.items() if count]
 
 
 def _dropped_rows(e):
-    """Return the numbers of lost rows in words, if more than `MOST_DROPPED` of all are lost."""
+    """Return the numbers of lost rows by reason, text, if more than `MOST_DROPPED` of all are lost.
+
+    Otherwise the result is False. `e` is the Evidence on a log: all that ingest knows about it.
+    """
     missing = {n: c for n, c in e.counts.missing_values.items() if n != TEMPERATURE}
     parts = {
         f"with missing or impossible values ({', '.join(listed(missing))})": e.counts.non_finite,
@@ -92,19 +96,30 @@ def _dropped_rows(e):
 
 
 def _lost_text(e):
-    """Return the share of the log's bytes in bad lines, text, if it exceeds `MOST_DROPPED`."""
+    """Return the share of the log's bytes in lines that cannot be read, text, if it is too large.
+
+    It is too large above `MOST_DROPPED`; otherwise the result is False. `e` is the Evidence on a
+    log: all that ingest knows about it.
+    """
     share = e.log.lost_bytes / max(e.log.text_bytes, 1)
     return share > MOST_DROPPED and f"{share:.1%}"
 
 
 def _rate(e):
-    """Return words on the unit of the time stamps if the rate is not within `PLAUSIBLE_RATE`."""
+    """Return words on the unit of the time stamps if the sampling rate is not plausible.
+
+    The rate is plausible within `PLAUSIBLE_RATE`; then the result is false. `e` is the Evidence on
+    a log: all that ingest knows about it.
+    """
     rate, (low, high) = e.figures["rate_hz"], PLAUSIBLE_RATE
     return e.figures["rows"] >= LEAST_ROWS and rate and not low <= rate <= high and _units(e)
 
 
 def _units(e):
-    """Return words on units of time that would make the rate a usual one; a dot if none does."""
+    """Return words on units of the time stamps that would make the sampling rate a usual one.
+
+    The text is a dot if no unit does. `e` is the Evidence on a log: all that ingest knows about it.
+    """
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= MOST_RATE]
     words = f": the stamps look like {' or '.join(fits)}; declare units.time: {(*fits, '')[0]}"
@@ -112,7 +127,11 @@ def _units(e):
 
 
 def _milliseconds(e):
-    """Return whether time stamps without a stated unit, taken as s, give too low a rate."""
+    """Return whether the time stamps look like ms: taken as s, they give too low a sampling rate.
+
+    Only stamps without a declared or stated unit are tested. `e` is the Evidence on a log: all that
+    ingest knows about it.
+    """
     is_stated = "time" in {**e.declared.units, **e.log.units} or e.counts.start_ns
     least = e.declared.rate / 500 if e.declared.rate else LEAST_RATE
     in_seconds = e.counts.time_unit == "s" and not is_stated
@@ -120,9 +139,11 @@ def _milliseconds(e):
 
 
 def _failed_reads(e):
-    """Return the channels with failed reads and their largest share of rows, text.
+    """Return the channels with failed reads and the largest share of rows that these have, text.
 
-    The result is false if this share is at most `MOST_DROPPED`.
+    A failed read is a row with one value far from the rows before and after. The result is False if
+    the share is at most `MOST_DROPPED`. `e` is the Evidence on a log: all that ingest knows about
+    it.
     """
     failed = {n: rows for n, rows in e.faults["failed_reads"].items() if rows}
     share = max(failed.values(), default=0) / max(e.figures["rows"], 1)
@@ -130,13 +151,20 @@ def _failed_reads(e):
 
 
 def _wraps(e, least):
-    """Return a text for each channel whose integer wraps around, if one does `least` times."""
+    """Return a text for each channel whose integer wraps around, if one does `least` times or more.
+
+    Otherwise the result is False. `e` is the Evidence on a log: all that ingest knows about it.
+    """
     wraps = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
     return max(wraps.values(), default=0) >= least and listed(wraps, "{} {} times")
 
 
 def _motion(e):
-    """Return the figures ``rests``, with angles also in degrees, if a static session moves."""
+    """Return the figures ``rests`` of quality.json if a static session moves, a dict.
+
+    Angles are also given in degrees. Otherwise the result is false. `e` is the Evidence on a log:
+    all that ingest knows about it.
+    """
     rests = e.faults["rests"]
     if not rests or e.kind != "static":
         return None
@@ -147,7 +175,10 @@ def _motion(e):
 
 
 def _temperature(e):
-    """Return whether a temperature lies outside of `PLAUSIBLE_TEMPERATURE`."""
+    """Return whether a temperature in the log lies outside of `PLAUSIBLE_TEMPERATURE`, degC.
+
+    `e` is the Evidence on a log: all that ingest knows about it.
+    """
     low, high = e.figures["temperature_range"] or PLAUSIBLE_TEMPERATURE
     return not PLAUSIBLE_TEMPERATURE[0] <= low <= high <= PLAUSIBLE_TEMPERATURE[1]
 

@@ -31,11 +31,12 @@ SPANS = sorted(
 
 
 def span(last, first, step, tick=1):
-    """Return the span of a counter that rolls over from the stamp `last` to `first`, or None.
+    """Return the span of a counter that rolls over from the stamp `last` to the stamp `first`.
 
-    The stamps, their usual step `step` and the result are in units of `tick` ns. The span is one of
-    `SPANS`, a whole number if the stamps are whole. It is taken that the counter starts at 0, or at
-    minus half of its span. The result is None if no span fits.
+    A counter rolls over when it starts again at its least value after its span. The stamps, their
+    usual step `step` and the result are in units of `tick` ns. The span is one of `SPANS`, a whole
+    number if the stamps are whole. It is taken that the counter starts at 0, or at minus half of
+    its span. The result is None if no span fits.
     """
     whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
@@ -67,11 +68,12 @@ class Clock:
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
     def mended(self, x, readable, tick=None):
-        """Return the mended stamps, (n,), and a mask of the usable ones, (n,) of bool.
+        """Return the mended time stamps, (n,), and a mask of the usable ones, (n,) of bool.
 
         `x` are the stamps as logged, (n,), and `readable` is the mask of the readable ones, (n,).
         `tick` is the number of nanoseconds in the unit of the stamps; it is None for dates, which
-        do not roll over. A late row is not mended: the rows after it go on from the rows before.
+        do not roll over. The counts of the Clock are increased. A late row is not mended: the rows
+        after it go on from the rows before.
         """
         values = x if readable.all() else x[readable]
         falls = np.flatnonzero(values[1:] < values[:-1])
@@ -106,9 +108,10 @@ class Clock:
     def _fall(self, before, last, ahead, tick):
         """Return the shift that mends all stamps from a fall on, in their unit; 0 for a late row.
 
-        A fall is a stamp that is smaller than the one before. `before` and `ahead` are the stamps
-        of up to `AHEAD` rows before the fall, and from the fall on. `last`
-        is the newest stamp before it. `tick` is the number of ns in a unit, None for dates.
+        A fall is a stamp that is smaller than the one before. The shift is added to this stamp and
+        all later ones. `before` and `ahead` are the stamps of up to `AHEAD` rows before the fall,
+        and from the fall on. `last` is the newest stamp before the fall. `tick` is the number of ns
+        in a unit, None for dates.
         """
         steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
@@ -130,7 +133,10 @@ class Clock:
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
     def fault(self):
-        """Return a line on why falling stamps cannot be mended, or a false value if they can."""
+        """Return a line on why falling stamps cannot be mended, or a false value.
+
+        They cannot if parts of a second were written without their leading zeros.
+        """
         return self.unpadded and (
             f"the stamps fall {plural(self.unpadded, 'time')} within a second, each time to 0.1 s: "
             "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
@@ -138,7 +144,7 @@ class Clock:
         )
 
     def warnings(self):
-        """Return the line on mended stamps, a list, empty if no stamp was mended."""
+        """Return the line for the user on mended time stamps, in a list; empty without any."""
         rest = f", from which t goes on after {FEW_STEPS} usual steps, a gap of unknown length"
         faults = (
             (self.rollovers, "roll-over", f" of {self.span_s or 0:.10g} s"),
@@ -150,10 +156,11 @@ class Clock:
 
 
 def _count_unpadded(last, first, second):
-    """Return the number of falls because of missing leading zeros; 0 if they may be accidental.
+    """Return the number of stamps that fall because leading zeros are missing; 0 if by accident.
 
-    `last` and `first` are the stamps before and after each of k falls, (k,). `second` is a second
-    in the unit of the stamps.
+    With a part of a second that lacks its zeros, 0.99 s written for 99 ms is followed by 0.1 s for
+    100 ms. `last` and `first` are the stamps before and after each of k falls, (k,). `second` is a
+    second in the unit of the stamps.
     """
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
@@ -161,10 +168,10 @@ def _count_unpadded(last, first, second):
 
 
 def figures(counts, measured, rate=None):
-    """Return the entry ``clock`` of quality.json, a dict.
+    """Return the entry ``clock`` of quality.json, a dict: faults of the stamps, jitter and drift.
 
-    `counts` are the `Counts` of the log, and `measured` its quality figures. `rate` is the declared
-    rate, Hz; it is None if no rate is declared or the log has no time stamps.
+    `counts` are the `Counts` of the log, and `measured` its other quality figures. `rate` is the
+    declared rate, Hz; it is None if no rate is declared or the log has no time stamps.
     """
     hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {

@@ -50,9 +50,10 @@ class Columns:
     turned: set
 
     def names_by_quantity(self, names):
-        """Return the names of the columns of each quantity, a dict; `names` are all names.
+        """Return the names of the columns of each quantity, a dict.
 
-        A value is a list, or the name of a single column.
+        `names` are the names of all columns of the log. A value is a list, or the name of a single
+        column.
         """
         columns = {quantity: [names[at] for at in where] for quantity, where in self.places.items()}
         for quantity in {"time", "temperature"} & {*columns}:
@@ -133,9 +134,9 @@ def resolve(names, declared=None, headed=True, units=()):
 
 
 def lacking(quantity, columns):
-    """Return the error of a log that lacks the sensor of a quantity.
+    """Return the ImuloopError of a log in which no columns of a sensor were found.
 
-    `columns` is a text that lists the columns of the log.
+    `quantity` is the quantity of the sensor. `columns` is a text that lists the columns of the log.
     """
     name = f"name its x, y, z by name in columns.{quantity}"
     if columns.startswith("no header"):
@@ -150,9 +151,10 @@ def lacking(quantity, columns):
 
 
 def ambiguous(quantity, candidates, how=""):
-    """Return the error of a log in which `candidates`, a list of names, all may be a quantity.
+    """Return the ImuloopError of a log in which several columns may be meant by a quantity.
 
-    `how` is added to the advice to name one of them.
+    `candidates` is a list of their names, and `quantity` the name of the quantity. `how` is added
+    to the advice to name one of them.
     """
     return ImuloopError(
         f"{candidates[0]} and {candidates[1]} both look like {quantity}; name one of them in "
@@ -161,10 +163,11 @@ def ambiguous(quantity, candidates, how=""):
 
 
 def _usual(quantity, places, names):
-    """Return the positions of the columns with a usual name of a quantity, a tuple; empty for none.
+    """Return the positions of the columns with a usual name of a quantity, a tuple, or ().
 
-    `places` is a list of such tuples, the best first, and `names` are the names of all columns. An
-    ImuloopError is raised if several are equally good.
+    `quantity` is the name of the quantity. `places` is a list of tuples of positions that may be
+    meant, the best first, and `names` are the names of all columns. An ImuloopError is raised if
+    several tuples are equally good.
     """
     if quantity in SENSORS:
         candidates = ["/".join(names[at] for at in where) for where in places]
@@ -218,9 +221,10 @@ def _intervals(declared, names, headed, usual, increments):
 def _declared(quantity, column, names, headed):
     """Return the positions of the columns that are declared for a quantity, a tuple.
 
-    `column` is the declaration: a column, a list of columns, or None, for which the result is
-    empty. `names` are the names of all columns, and `headed` tells whether the log has names.
-    Raises an ImuloopError for a sensor without three columns, or if a column does not exist.
+    `quantity` is the name of the quantity, and `column` its declaration: a column, a list of
+    columns, or None, for which the result is empty. `names` are the names of all columns, and
+    `headed` tells whether the log has names. Raises an ImuloopError for a sensor without a list, or
+    if a column does not exist.
     """
     if column is None:
         return ()
@@ -234,7 +238,8 @@ def _declared(quantity, column, names, headed):
 def without_sign(column, names=()):
     """Return a declared column of a sensor without its minus: ``AccX`` for ``-AccX``.
 
-    The minus changes the sign of the values. A column whose name in `names` begins with a minus
+    `column` is a name or a position. The minus, a request to change the sign of the values, may
+    precede both. A column whose name in `names`, the names of all columns, begins with a minus
     stays as it is.
     """
     if isinstance(column, str) and column.startswith("-") and column not in names:
@@ -268,7 +273,10 @@ def position(quantity, value, names, headed):
 
 
 def listed(names, headed=True):
-    """Return column names as text for a message; only their number if the file has no header."""
+    """Return the column `names` as text for a message.
+
+    The text is only their number if the log is not `headed`, that is, has no names of columns.
+    """
     if not headed:
         return f"no header, {len(names)} columns"
     return shorten(", ".join(names), _SHOWN, placeholder=" …")

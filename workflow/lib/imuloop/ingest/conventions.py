@@ -26,9 +26,10 @@ def _frame(turn, angle):
     """Return the rotation from the sensor's axes to the reference's axes, (3, 3), and its residual.
 
     `turn` are the rotation vectors of n turns by the reference and `angle` those by the sensor,
-    rad, (n, 3) each. The rotation is their least-squares fit (Kabsch), made twice: the second fit
-    leaves out the worst tenth of the turns. The residual is the root mean square of the errors over
-    the root mean square of the turns.
+    rad, (n, 3) each; the rotation times a vector of `angle` fits the vector of `turn`. The rotation
+    is their least-squares fit (Kabsch), made twice: the second fit leaves out the worst tenth of
+    the turns. The residual is the root mean square of the errors over the root mean square of the
+    turns.
     """
     keep = np.ones(len(turn), bool)
     for _ in range(2):
@@ -96,14 +97,15 @@ def convention_faults(reference, t, w, declared):
 
 
 def _gain(reference, t, f, frame):
-    """Return the matrix from the specific force to the acceleration by the reference, (3, 3).
+    """Return the matrix from the specific force to the acceleration by a reference, (3, 3).
 
-    It is the identity if the places of the reference are on the axes and in the unit of its
-    attitudes. It is a least-squares fit to changes of both, on the axes of the world, in windows.
-    The acceleration in a window is the second difference of three places. `reference` is the
-    Reference, `t` are the times of the samples, s, (n,), `f` is their specific force, m/s^2,
-    (n, 3), and `frame` rotates from the axes of the sensor to the axes of the reference. The result
-    is None if there are too few places or too little motion.
+    The rows are axes of the acceleration, the columns axes of the force, both x, y, z of the world.
+    The matrix is the identity if the places of the reference are on the axes and in the unit of its
+    attitudes. It is a least-squares fit to changes of both, in windows of `_WINDOW` s. The
+    acceleration in a window is the second difference of three places. `reference` is the Reference,
+    `t` are the times of n samples, s, (n,), `f` is their specific force, m/s^2, (n, 3), and `frame`
+    rotates from the axes of the sensor to the axes of the reference, (3, 3). The result is None if
+    there are too few places or too little motion.
     """
     columns = at_instants(reference, t)
     q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))
@@ -129,11 +131,12 @@ def _gain(reference, t, f, frame):
 
 
 def place_faults(reference, t, f, frame, unit):
-    """Return the reasons why the places do not fit the specific force, a list of str.
+    """Return the reasons why the places of a reference do not fit the specific force, a list.
 
-    `reference` is the Reference, `t` the time of the samples, s, (n,), `f` their specific force,
-    m/s^2, (n, 3), `frame` the rotation from the axes of the sensor to the axes of the reference,
-    and `unit` the declared unit of the places.
+    The list is empty if they fit, or if nothing can be said. `reference` is the Reference, `t` the
+    times of n samples, s, (n,), `f` their specific force, m/s^2, (n, 3), `frame` the rotation from
+    the axes of the sensor to the axes of the reference, (3, 3), and `unit` the declared unit of the
+    places.
     """
     gain = _gain(reference, t, f, frame)
     if gain is None:

@@ -19,7 +19,7 @@ BEYOND = 1e10
 
 
 def _of_channels():
-    """Return a zero for each channel, a dict."""
+    """Return a dict with a count of zero for each channel, ``ax`` to ``gz``."""
     return dict.fromkeys(CHANNELS, 0)
 
 
@@ -63,7 +63,10 @@ class Counts:
 
 
 def no_samples(log):
-    """Return the columns of the samples of a RawLog by name, a dict, each without rows."""
+    """Return the columns of samples without rows, a dict of empty arrays by name.
+
+    `log` is the RawLog whose sensors and temperature give the names.
+    """
     names = [TIME, *CHANNELS, *[TEMPERATURE] * log.temperature]
     names += [OWN_TIME[log.slower]] if log.slower else []
     return {name: np.empty(0) for name in names}
@@ -72,10 +75,11 @@ def no_samples(log):
 # a count of 1e306 has no value in SI, and stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def si_samples(rows, raw_units):
-    """Return the samples of `Rows` in SI, a dict of columns, (n,), and their `Counts`.
+    """Return the samples of a log in SI, a dict of columns, (n,), and their `Counts`.
 
-    The column ``t`` starts at 0 and rises. `raw_units` has the `RawUnit` of each sensor by
-    quantity. Rows with a fault are left out and counted.
+    `rows` are the `Rows` of the log. `raw_units` has the `RawUnit` of each sensor, which converts
+    it to SI, by quantity. The column ``t`` starts at 0 and rises, s. Rows with a fault are left out
+    and counted.
     """
     log = rows.log
     if log.slower and increments.factors(rows.units):

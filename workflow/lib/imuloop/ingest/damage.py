@@ -14,7 +14,10 @@ SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV
 
 
 def check_unpacked(packed, unpacked):
-    """Raise a RejectedLog if `unpacked` bytes are over `MOST_TIMES` times the `packed` bytes."""
+    """Raise a RejectedLog if a file unpacks to more than `MOST_TIMES` times its packed size.
+
+    `packed` and `unpacked` are the sizes of the file, bytes.
+    """
     if unpacked > MOST_TIMES * packed:
         raise RejectedLog(
             f"unpacked, the file is more than {MOST_TIMES} times its {packed} bytes: refused, "

@@ -32,12 +32,13 @@ _LEAST_SHARE = 0.01
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the DataFlash log at ``paths["log"]``.
+    """Return the RawLog of an ArduPilot DataFlash log, the log as it was read.
 
-    A stream has the rows of a message of one instance (sensor), such as ``IMU_0``. In older logs,
-    which have no instances, it has the rows of a message, such as ``IMU2``. `columns` are the
-    declared columns by quantity, each a stream or ``STREAM.FIELD``; they may be of messages other
-    than IMU, ACC, GYR and IMT. Increments are divided by their own interval.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, or
+    None: each is a stream or ``STREAM.FIELD``; they may be of messages other than IMU, ACC, GYR and
+    IMT. A stream has the rows of one kind of message of one instance (sensor), such as ``IMU_0``.
+    In older logs, which have no instances, it has all rows of a message, such as ``IMU2``.
+    Increments are divided by their own interval.
     """
     with open(paths["log"], "rb") as file:
         data = file.read()
@@ -59,10 +60,11 @@ def read(paths, columns=None):
 
 
 def _messages(data, wanted):
-    """Return the fields of messages, a dict by name of the message, and lines on damage, a list.
+    """Return the fields of the messages in a log, a dict by name, and lines on damage.
 
-    `data` is the content of the log, bytes. Only messages are read whose whole name matches the
-    pattern `wanted`.
+    The fields of a message are arrays by name, as `_fields` returns them. The lines are a list,
+    empty without damage. `data` is the content of the log, bytes. Only messages are read whose
+    whole name matches the pattern `wanted`.
     """
     lengths, kinds, definitions = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):
@@ -88,9 +90,10 @@ def _messages(data, wanted):
 def _fields(data, rows, size, codes, names):
     """Return the numbers in m messages of one kind, a dict of arrays, (m,), by name of the field.
 
-    `rows` are the positions of the messages in `data`, bytes, (m,). `size`, `codes` and `names`
-    define the kind: the number of bytes of a message, a letter for the type of each field, and the
-    names of the fields. The result is empty if the definition contradicts itself.
+    `data` is the content of the log, bytes, and `rows` are the positions of the messages in it,
+    (m,). `size`, `codes` and `names` define the kind: the number of bytes of a message, a letter
+    for the type of each field, and the names of the fields. The result is empty if the definition
+    contradicts itself.
     """
     names = names.split(",")
     whole = np.dtype([("", "S3"), *(("", _CODES.get(code, "S0")) for code in codes)])
@@ -107,11 +110,11 @@ def _fields(data, rows, size, codes, names):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(name, fields):
-    """Return a Stream for each instance (sensor) of a message, a list.
+    """Return a Stream, rows with one clock, for each instance (sensor) of a message, a list.
 
-    `name` is the name of the message, and `fields` are its numbers by name of the field. A Stream
-    also has the fields of the sensors under their usual names. The list is empty for a message
-    without time stamps.
+    `name` is the name of the message, and `fields` are its numbers, (m,) by name of the field. A
+    Stream also has the fields of the sensors under their usual names. The list is empty for a
+    message without time stamps.
     """
     fields = {field: np.asarray(values) for field, values in fields.items()}
     clock = next((field for field in _STAMPS if field in fields), None)

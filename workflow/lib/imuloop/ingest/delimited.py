@@ -44,11 +44,12 @@ _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for 
 
 
 def read(paths, columns=None):
-    """Return the RawLog of a text table.
+    """Return the RawLog of a text table, the log as it was read.
 
-    ``paths["log"]`` is the path of the table or its text as bytes; a compressed file (.gz, .bz2,
-    ...) is unpacked. If the path is the folder of a sensor in an EuRoC recording, such as ``imu0``,
-    the table is the file `IN_FOLDER` in it. `columns` are the declared columns by quantity.
+    ``paths["log"]`` is the path of the table or its text as bytes; a compressed file (.gz, .bz2 and
+    so on) is unpacked. If the path is the folder of a sensor in an EuRoC recording, such as
+    ``imu0``, the table is the file `IN_FOLDER` in it. `columns` are the declared columns by
+    quantity, or None.
     """
     path = paths["log"]
     if not isinstance(path, bytes) and Path(path).is_dir():
@@ -77,7 +78,8 @@ def _refuse_devices(layout, chosen):
     """Raise a RejectedLog if a column shows that the rows are of several devices in turn.
 
     `layout` is the Layout of the table, and `chosen` are the Columns that are read. Only the first
-    rows are looked at, and of these only rows in which the sensors have values that are not zero.
+    rows of the table are looked at, and of these only rows in which the sensors have values that
+    are not zero.
     """
     rows = [[*row, *[""] * len(layout.names)] for row in layout.rows]
     for sensor in {*SENSORS} & {*chosen.places}:
@@ -97,9 +99,10 @@ def _scaled(layout, units):
     """Return the units of a text table, the scales of its counts, and the tick of its time stamps.
 
     Units and scales are dicts by quantity; a scale is a dict, as in `RawLog.nominal`. The tick is
-    in the unit of time. A unit that is a multiple of a known unit, such as mdeg/s, becomes a count
-    with a scale. Lines above the header may also state scales. `layout` is the Layout of the table,
-    and `units` are the units by quantity that the table states.
+    the factor by which time stamps are multiplied to be in the unit of time. A unit that is a
+    multiple of a known unit, such as mdeg/s, becomes a count with a scale. Lines above the header
+    may also state scales. `layout` is the Layout of the table, and `units` are the units by
+    quantity that the table states.
     """
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
     scales = {quantity: multiple for quantity, multiple in multiples.items() if multiple}
@@ -118,12 +121,12 @@ def _scaled(layout, units):
 
 
 def text_columns(source, layout, positions, log, stamps):
-    """Return the columns at `positions` of a text table, a list of Arrow arrays.
+    """Return some columns of a text table, a list of Arrow arrays.
 
-    `source` is the path of the table or its text as bytes, and `layout` its Layout. The first
-    `stamps` columns are time stamps, int64, float64 or timestamp[ns]; the others are float64. Bad
-    lines and their bytes are counted in the RawLog `log`. Raises a RejectedLog if the text cannot
-    be parsed.
+    `positions` are their positions in the table, from 0. `source` is the path of the table or its
+    text as bytes, and `layout` its Layout. The first `stamps` columns, a number, are time stamps,
+    int64, float64 or timestamp[ns]; the following ones are float64. Bad lines and their bytes are
+    counted in the RawLog `log`. Raises a RejectedLog if the text cannot be parsed.
     """
     every, names = [str(at) for at in range(len(layout.names))], [str(at) for at in positions]
     # the size of a block is no limit, so that no line is longer than one
@@ -189,14 +192,19 @@ def _joined(batches):
 
 
 def _texts(layout, at):
-    """Return the values of column `at` in the first rows, a list of text."""
+    """Return the values of a column in the first rows of a text table, a list of text.
+
+    `layout` is the Layout of the table, and `at` the position of the column. Missing values are
+    left out.
+    """
     return [row[at] for row in layout.rows if len(row) > at and row[at] not in MISSING]
 
 
 def _stamp_kind(layout, at):
-    """Return the Arrow type in which the stamps in column `at` of a Layout are read.
+    """Return the Arrow type in which the time stamps of a text table are read.
 
-    It is int64, float64, or text for dates, by the first rows.
+    It is int64, float64, or text for dates, by the first rows. `layout` is the Layout of the table,
+    and `at` the position of the column of time stamps.
     """
     kind = stamp_array(pa.array(_texts(layout, at), pa.string())).type
     return pa.string() if pa.types.is_timestamp(kind) else kind
@@ -244,8 +252,8 @@ def _check_comments(layout, comments):
 def _refuse_header(layout, positions, columns):
     """Raise a RejectedLog if the table has a second header with its columns in another order.
 
-    Then a column holds the name of another column. `layout` is the Layout of the table, and
-    `columns` are the texts in the columns at `positions`, Arrow arrays.
+    Then a column holds the name of another column. `layout` is the Layout of the table, `positions`
+    are positions of columns in it, and `columns` are the texts in these, Arrow arrays.
     """
     for at, texts in zip(positions, columns, strict=False):
         others = pa.array({*layout.names} - {layout.names[at]}, pa.string())
@@ -257,7 +265,7 @@ def _refuse_header(layout, positions, columns):
 
 
 def _numbers(text):
-    """Return a column of text as float64; other text than numbers becomes NaN."""
+    """Return a column of text, an Arrow array, as float64; text without a number becomes NaN."""
     try:
         return doubles(text)
     except pa.ArrowInvalid:
@@ -265,6 +273,6 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return the number of bytes of a text, but for blanks, zeros and erased memory."""
+    """Return the number of bytes of `text`, bytes, without blanks, zeros and unwritten memory."""
     # to count takes far longer than to search
     return len(text) - sum(text.count(byte) for byte in (_EMPTY, b" ") if byte in text)

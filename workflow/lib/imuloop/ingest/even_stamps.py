@@ -38,10 +38,11 @@ RATE_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Even:
-    """Samples at even steps, some of which may be lost.
+    """Samples at even steps of time, some of which may be lost.
 
-    `step` is the time from sample to sample, s. `rows` are the m rows just after a loss, (m,) of
-    int, and `lost` is the number of all samples lost before each of them, (m,) of int.
+    `step` is the time from sample to sample, s. `rows` are the numbers of the m rows just after a
+    loss, (m,) of int, and `lost` is the number of all samples lost before each of these rows, since
+    the start of the log, (m,) of int.
     """
 
     step: float
@@ -49,7 +50,10 @@ class Even:
     lost: Sequence = ()
 
     def number(self, rows):
-        """Return the number of the sample in each of k rows, lost samples included, (k,) of int."""
+        """Return the number of the sample in each of k rows, lost samples included, (k,) of int.
+
+        `rows` are the numbers of these rows, lost samples not included, (k,) of int.
+        """
         return rows + np.array([0, *self.lost])[np.searchsorted(self.rows, rows, side="right")]
 
 
@@ -114,9 +118,10 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range of nine in ten of the values x, (n,), as a float.
+    """Return the width of the range that holds nine in ten of n values, a float.
 
-    It is the median of the widths in `PARTS` consecutive parts.
+    `x` are the values, (n,). The width is the median of the widths in `PARTS` consecutive parts of
+    them, so that a slow drift does not count.
     """
     ends = [np.percentile(part, (5, 95)) for part in np.array_split(x, PARTS)]
     return np.median(np.ptp(ends, axis=1))
@@ -125,9 +130,9 @@ def _width(x):
 def _line(rows, t):
     """Return the slope of a line of time over row number, s, and the times less this line, s, (n,).
 
-    `rows` and `t` are number and time, s, of each row, (n,). The slope is first the median over
-    pairs of rows half a log apart (Theil). Because stamps of transfers lie on a few parallel lines,
-    three rounds of least squares with clipped outliers follow.
+    `rows` and `t` are number and time, s, of each of n rows, (n,). The slope is first the median
+    over pairs of rows half a log apart (Theil). Because stamps of transfers lie on a few parallel
+    lines, three rounds of least squares with clipped outliers follow.
     """
     rows, half = rows - rows[0], len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
@@ -180,11 +185,11 @@ def _by_clock(rows, t, packets):
 
 
 def _transfers(rows, t):
-    """Return the number of rows in a transfer, and the first row and the time, s, of each, (k,).
+    """Return the number of rows in a transfer, and first row and time, s, of each, (k,) each.
 
     A transfer has the rows that a host receives at once: a packet with one time stamp, or a burst.
     If the transfers differ in size, each row counts as one. `rows` and `t` are number and time, s,
-    of each row, (n,).
+    of each of n rows, (n,). The results are for k transfers.
     """
     apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
     # packets with a shared time stamp, else bursts
@@ -231,7 +236,10 @@ def _clock(t):
 
 
 def _phase(x):
-    """Return the running mean of the phase of times, (n,); `x` are the times, (n,), both cycles."""
+    """Return the phase of times against a clock, a running mean over `_PHASE` times, cycles, (n,).
+
+    `x` are the n times in cycles of the clock, (n,). A constant phase shows times on the clock.
+    """
     wave = uniform_filter1d(np.exp(2j * np.pi * x), _PHASE)
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
@@ -239,8 +247,9 @@ def _phase(x):
 def _is_beat(samples):
     """Return whether samples are missing because a host polls faster than the sensor samples.
 
-    `samples` has the number of the sample at each loss, (m,). If the host polls faster, these are
-    evenly spaced by the beat of the two clocks, which is not a whole number.
+    `samples` has the number of the sample at each of m losses, (m,). If the host polls faster,
+    these are evenly spaced by the beat of the clocks of host and sensor, which is not a whole
+    number.
     """
     if len(samples) < ENOUGH:
         return False
@@ -256,8 +265,8 @@ def packet_step(rows, t, repeats):
 
     A packet has the rows that share a time stamp. The stamp is the time of its last row, or else of
     its first. The result is None if rows that share a stamp are not packets: if the steps between
-    stamps do not grow with the number of rows. `rows` and `t` are number and time, s, of each row
-    with a new time stamp, (n,). `repeats` is the number of all other rows.
+    stamps do not grow with the number of rows. `rows` and `t` are number and time, s, of each of n
+    rows with a new time stamp, (n,). `repeats` is the number of all other rows.
     """
     if repeats < ENOUGH or len(t) < 3:
         return None
@@ -274,10 +283,10 @@ def packet_step(rows, t, repeats):
 def spread(x, readable, step, is_last):
     """Return time stamps, (n,), in which the rows of a packet are a `step` apart.
 
-    A packet has the rows that share a time stamp. `x` are the time stamps, (n,), in the unit of
-    `step`, and `readable` is the mask of those that are used, (n,). The last row of a packet keeps
-    the shared time stamp if `is_last`, else the first row. No row is moved past the neighbouring
-    time stamps.
+    A packet has the rows that share a time stamp. `x` are the time stamps of n rows, (n,), in the
+    unit of `step`, and `readable` is the mask of the stamps that are used, (n,). The last row of a
+    packet keeps the shared time stamp if `is_last`, else the first row. No row is moved past the
+    neighbouring time stamps.
     """
     logged = x[readable]
     starts = np.flatnonzero(np.append(True, logged[1:] != logged[:-1]))
@@ -292,7 +301,10 @@ def spread(x, readable, step, is_last):
 
 
 def rebuilt_line(rows):
-    """Return the line for the user on time stamps of `Rows` that were rebuilt or spread."""
+    """Return the line for the user on time stamps that were made even, or spread within packets.
+
+    `rows` are the `Rows` of the log.
+    """
     why, even = "come in bursts, or scatter about a regular clock", rows.even
     if rows.packets:
         why = f"of {rows.repeats} rows are those of others, as of packets of samples"

@@ -113,7 +113,7 @@ class Evidence:
 
     @property
     def is_cut(self):
-        """Whether a part of a channel is wrong, because it is constant, stuck or clipped."""
+        """Whether a channel is wrong in a part of the log: constant, stuck or clipped."""
         faults = [*self.faults["stuck"].values(), *self.faults["clipped_at"].values()]
         rows = [fault["rows"] for fault in faults] + [*self.figures["clipped"].values()]
         return any(rows) or any(name in CHANNELS for name in self.figures["constant"])

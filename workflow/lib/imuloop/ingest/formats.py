@@ -111,9 +111,9 @@ def find_format(name, paths):
 
 
 def unused_readers(session, paths):
-    """Return the modules of the readers that a session does not use, a set of names.
+    """Return the modules of the readers of log formats that a session does not use, a set of names.
 
-    The job of the session does not depend on the code of these. `session` is the session as
+    The job of the session does not depend on the code of these modules. `session` is the session as
     `config.resolve` returns it, and `paths` the path of each file by role. The set is empty if a
     file does not show its format, because any reader may then be the right one.
     """
@@ -131,15 +131,16 @@ def unused_readers(session, paths):
 
 
 def no_log(path):
-    """Return the reason if the first bytes show that a file is not a log, else None."""
+    """Return the reason if the first bytes show that the file at `path` is not a log, else None."""
     head = _head(path)
     return next((why for start, why in _NO_LOGS.items() if head.startswith(start)), None)
 
 
 def guess_format(paths):
-    """Return the name of the format that the roles, first bytes or names of files show.
+    """Return the name of the log format that the roles, first bytes or names of files show.
 
-    `paths` are the paths by role. Raises an ImuloopError if they show no format.
+    `paths` are the paths of the files of one log by role: ``log``, or one file for each sensor.
+    Raises an ImuloopError if they show no format.
     """
     path = Path(next(iter(paths.values())))
     if path.is_dir():
@@ -171,7 +172,7 @@ def guess_format(paths):
 
 
 def _head(path):
-    """Return the first bytes of a file; none of a pipe or a folder, which is not opened."""
+    """Return the first bytes of the file at `path`; none of a pipe or a folder."""
     with suppress(OSError):
         if Path(path).is_file():
             with open(path, "rb") as file:

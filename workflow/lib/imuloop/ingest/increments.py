@@ -14,15 +14,20 @@ _BY_STAMPS = "step of the stamps that ends at the row"
 
 
 def factors(units):
-    """Return the factor to SI of each sensor that logs increments, by quantity.
+    """Return the factor to SI of each sensor that logs increments, a dict by quantity.
 
-    `units` are the units of the log by quantity.
+    An increment is the integral of a sensor's output over a short interval. `units` are the units
+    of the log by quantity. A sensor that logs no increments is left out.
     """
     return {q: scales[units[q]] for q, scales in INCREMENTS.items() if units.get(q) in scales}
 
 
 def are_by_stamps(rows):
-    """Return whether increments of `Rows` are divided by the steps of their time stamps."""
+    """Return whether increments in a log are divided by the steps of their time stamps.
+
+    An increment is the integral of a sensor's output over a short interval. The result is false
+    without increments, and if their intervals are logged. `rows` are the `Rows` of the log.
+    """
     return bool(factors(rows.units)) and rows.stamped and "interval" not in rows.log.names
 
 
@@ -67,9 +72,10 @@ def rates(rows):
 
 
 def figures(rows, counts, usual):
-    """Return the entry ``increments`` of quality.json for `Rows`; None if they hold no increments.
+    """Return the entry ``increments`` of quality.json, a dict; None if the log holds no increments.
 
-    `counts` are the `Counts` of the rows, and `usual` is the usual step of the time stamps, s.
+    `rows` are the `Rows` of the log, `counts` their `Counts`, and `usual` is the usual step of the
+    time stamps, s.
     """
     sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
     if "interval" in rows.log.names:
@@ -84,7 +90,7 @@ def figures(rows, counts, usual):
 
 
 def warnings(entry, measured):
-    """Return the lines on increments for the user; empty if the log has none.
+    """Return the lines on increments for the user, a list; empty if the log has none.
 
     `entry` is the entry ``increments`` of quality.json, and `measured` are the quality figures of
     the samples.

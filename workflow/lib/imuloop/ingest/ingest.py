@@ -77,9 +77,9 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
     """Write the samples, without rows, and the quality of a session that is rejected.
 
-    `reason` says why its declaration does not fit. `device`, `session` and `kind` are the names of
-    the device and the session, and the kind of the session. `samples_path` and `quality_path` are
-    the paths of the results.
+    `reason` says why its declaration does not fit. `device` and `session` are the names of the
+    device and the session, and `kind` is the kind of the session, such as ``static``.
+    `samples_path` and `quality_path` are the paths of the results.
     """
     evidence = Evidence(samples=no_samples(RawLog()), counts=Counts(reasons=[reason]))
     samples, content, origin = check(evidence)
@@ -120,10 +120,11 @@ def read(paths, declared, kind=None):
 
 
 def choose_units(log, declared):
-    """Return the unit of each quantity of a RawLog, a dict, and lines on contradictions, a list.
+    """Return the unit of each quantity in a log, a dict, and lines on contradictions, a list.
 
-    `declared` are the declared units by quantity; they come before those that the log states. A
-    line says that they differ. Raises an ImuloopError for an unknown unit.
+    `log` is the RawLog. `declared` are the declared units by quantity; they come before the units
+    that the log states. A line says that the two differ. Raises an ImuloopError for an unknown
+    unit.
     """
     stamps = log.names.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
@@ -150,7 +151,7 @@ def choose_units(log, declared):
 
 
 def convert(evidence):
-    """Set the samples and the counts of an `Evidence`, in place.
+    """Set the samples and the counts of a log in its `Evidence`, `evidence`, in place.
 
     The samples are in SI on one clock; spikes are still in them. A log that cannot be used has no
     samples; its `Counts` have the reasons.
@@ -175,10 +176,11 @@ def convert(evidence):
 
 
 def check(evidence):
-    """Return the samples of an `Evidence` without spikes, the content of quality.json, the origin.
+    """Return the samples of a log without spikes, the content of quality.json, and the origin.
 
-    The samples are columns by name, without rows if the log is rejected. The origin is the metadata
-    of the samples, a dict (`_origin`).
+    `evidence` is the Evidence on the log, after `convert`; its samples and figures are set. The
+    samples are columns by name, without rows if the log is rejected. The origin is the metadata of
+    the samples, a dict (`_origin`).
     """
     log, counts, declared = evidence.log, evidence.counts, evidence.declared
     gaps = quality.time_figures(evidence.samples[TIME])["gaps"]
@@ -228,7 +230,10 @@ def check(evidence):
 
 
 def _origin(evidence):
-    """Return the metadata of the samples of an `Evidence`, a dict: files, units and so on."""
+    """Return the metadata of the samples of a log, a dict: its files, units and so on.
+
+    `evidence` is the Evidence on the log. Files are named with their SHA-256.
+    """
     declared, counts = evidence.declared, evidence.counts
     # a folder stands for the files in it
     folders = [sorted(p.iterdir()) if p.is_dir() else [p] for p in evidence.files.values()]
@@ -256,11 +261,11 @@ def _origin(evidence):
 
 
 def _write(samples_path, quality_path, samples, content, origin, who):
-    """Write the samples and the quality of a session to two paths.
+    """Write the samples and the quality of a session to `samples_path` and `quality_path`.
 
-    `samples`, `content` and `origin` are the results of `check`. `who` has the names of the device
-    and the session, and its kind. Channels are written with a dictionary, because they have few
-    different values; times are not.
+    `samples`, `content` and `origin` are the results of `check`. `who` is a dict of the names of
+    the device and the session, and its kind. Channels are written with a dictionary, because they
+    have few different values; times are not.
     """
     origin = who | origin
     of_levels = [name for name in samples if name in (*CHANNELS, TEMPERATURE)]

@@ -51,5 +51,5 @@ def jitter_sign(t, w, step, grid=0.0):
 
 
 def bend(x):
-    """Return each inner sample of x, (n,), minus the mean of its two neighbours, (n - 2,)."""
+    """Return each inner sample minus the mean of its two neighbours, (n - 2,); `x` has n, (n,)."""
     return x[1:-1] - (x[:-2] + x[2:]) / 2

@@ -87,10 +87,11 @@ def join(logs):
 
 
 def _rows(log):
-    """Return the stamps of a RawLog, (n,), its values by name, (n,) each, and the unit of stamps.
+    """Return the time stamps of a log, (n,), its values by name, (n,) each, and the stamps' unit.
 
-    A log without time stamps has the numbers of its rows in their place. Rows with an unreadable
-    stamp are left out. The unit is "ns" for dates, and None if the log does not state it.
+    `log` is the RawLog. Without time stamps the numbers of its rows stand in their place. Rows with
+    an unreadable stamp are left out. The unit is "ns" for dates, and None if the log does not state
+    it.
     """
     count = log.batch.num_rows
     stamps, readable, dates = np.arange(count), np.ones(count, dtype=bool), False
@@ -106,8 +107,8 @@ def _rows(log):
 def _faster(stamps):
     """Return the name of the log with the shortest step between time stamps.
 
-    It is the last one, if the steps are equal within `RATE_SHARE`. `stamps` has the time stamps of
-    each log by name, (n,); the log of the gyroscope is the last.
+    It is the last log, if the steps are equal within `RATE_SHARE`. `stamps` has the time stamps of
+    each log, (n,), by name; the log of the gyroscope is the last.
     """
     steps = {}
     for name, x in stamps.items():
@@ -120,14 +121,15 @@ def _faster(stamps):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _onto(names, stamps, values, tick, quantity):
-    """Return the values of a log at the m time stamps of another log, the clock.
+    """Return the values of a log at the m time stamps of another log, named the clock here.
 
     `names` are the names of the clock and of the log, `stamps` the time stamps of both by name, in
-    units of `tick` ns, and `values` are k columns of the log, (k, n), of the quantity `quantity`.
-    Rows of the log that miss a value, repeat a stamp or come late are left out. The result
-    has the values of the nearest sample of the log; a temperature is interpolated linearly. It is
-    not-a-number if the nearest sample is farther away than half of `gap_limit`. A RejectedLog is
-    raised if a clock starts again, or if the two clocks share no time.
+    units of `tick` ns, and `values` are the columns of the log, (k, n): k columns of n rows. They
+    are of `quantity`, its name. Rows of the log that miss a value, repeat a stamp or come late are
+    left out. The result has the values of the nearest sample of the log; a temperature is
+    interpolated linearly. It is not-a-number if the nearest sample is farther away than half of
+    `gap_limit`. A RejectedLog is raised if a clock starts again, or if the two clocks share no
+    time.
 
     Returns
     -------

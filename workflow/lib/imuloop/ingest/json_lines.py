@@ -13,12 +13,12 @@ from imuloop.ingest.text_layout import JSON_DOCUMENT, parts_of
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the JSON lines in ``paths["log"]``; a compressed file is unpacked.
+    """Return the RawLog of a log of JSON lines: one object with the numbers of a sample per line.
 
-    The columns are the members of the objects in the first rows. A member of an object inside
-    another is the column ``OBJECT.MEMBER``, and the members of a list are ``LIST[0]``, ``LIST[1]``
-    and so on. A line that is not an object is a bad line. `columns` are the declared columns by
-    quantity.
+    ``paths["log"]`` is the path of the file; a compressed file is unpacked. The columns are the
+    members of the objects in the first rows. A member of an object inside another is the column
+    ``OBJECT.MEMBER``, and the members of a list are ``LIST[0]``, ``LIST[1]`` and so on. A line that
+    is not an object is a bad line. `columns` are the declared columns by quantity, or None.
     """
     lines = b"".join(parts_of(paths["log"], LONGEST_LINE)).splitlines()
     rows = list(filter(None, map(_members, islice(lines, HEAD_ROWS))))
@@ -38,7 +38,10 @@ def read(paths, columns=None):
 
 
 def holds_log(path):
-    """Return whether a JSON file looks like a log: JSON lines or a list of objects, no result."""
+    """Return whether a JSON file looks like a log, not like a result of imuloop.
+
+    A log has JSON lines or a list of objects. `path` is the path of the file.
+    """
     with open(path, "rb") as file:
         head = file.read(LONGEST_LINE)
     return are_objects(head) or (head.lstrip().startswith(b"[") and b"{" in head)
@@ -51,7 +54,11 @@ def are_objects(head):
 
 
 def _members(line):
-    """Return the texts of a JSON object by name of the member, a dict; None for another line."""
+    """Return the members of a JSON object as text, a dict by name; None if a line is not an object.
+
+    `line` is the line of the file, bytes. Members of inner objects and lists are named as in
+    `read`.
+    """
     if not line.lstrip().startswith(b"{") or len(line) > LONGEST_LINE:
         return None
     try:
@@ -63,9 +70,9 @@ def _members(line):
 
 
 def _flat(value, name=""):
-    """Yield the name and the text of each number or text in a JSON value.
+    """Yield the name and the text of each number or text inside of a JSON value, at any depth.
 
-    `name` is the name of the value itself, empty for the whole object.
+    `value` is the value, and `name` its own name, empty for the whole object.
     """
     if isinstance(value, dict):
         for key, member in value.items():

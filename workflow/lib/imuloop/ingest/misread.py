@@ -22,9 +22,9 @@ _REPEATED = 0.25
 
 
 def _compare(one, other):
-    """Return the lengths of n vectors `one` and of n vectors `other`, and the cosines between them.
+    """Return the lengths of n vectors, of n other vectors, and the cosines between them, (n,) each.
 
-    Both sets have the shape (3, n), and each of the three results has the shape (n,).
+    `one` and `other` are the two sets of vectors, (3, n) each: axes x, y, z, and rows.
     """
     length, other_length = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
     return length, other_length, (one * other).sum(axis=0) / (length * other_length)
@@ -35,7 +35,7 @@ def _compare(one, other):
 def is_gravity(raw):
     """Return whether the columns of the angular rate hold the vector of gravity in most rows.
 
-    `raw` are the values of each channel as logged, (n,) by name.
+    `raw` are the n values of each channel as logged, (n,), by name.
     """
     # every eighth row is enough
     force, rate = (np.array([raw[axis][::8] for axis in axes]) for axes in SENSORS.values())
@@ -46,11 +46,12 @@ def is_gravity(raw):
 
 @np.errstate(all="ignore")
 def in_two_units(x, raw):
-    """Return the sensor whose samples are logged twice, in two units; None if few samples are.
+    """Return the sensor whose samples are logged twice, in two units, a dict, or None.
 
-    Then a row has the time stamp of the row before and the same vector in another unit. The result
-    is a dict: ``sensor``, the units ``unit`` and ``other``, and the number ``n`` of such rows. `x`
-    are the time stamps, (n,), and `raw` the channels as logged, (n,) by name.
+    A row then has the time stamp of the row before and the same vector in another unit. The dict
+    has ``sensor``, the units ``unit`` and ``other``, and the number ``n`` of such rows. The result
+    is None if few rows are of this kind. `x` are the time stamps of all rows, (n,), and `raw` the
+    channels as logged, (n,) by name.
     """
     repeats = np.flatnonzero(x[1:] == x[:-1]) + 1
     for (sensor, axes), units in zip(SENSORS.items(), FACTORS.values(), strict=True):

@@ -34,11 +34,12 @@ _WITH_GRAVITY = {"accelerometeruncalibrated": "g", "totalacceleration": "m/s^2"}
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the zip ``paths["log"]``, by phyphox, Sensor Logger or of text tables.
+    """Return the RawLog of a zip of text tables, such as phyphox or Sensor Logger on a phone write.
 
-    Uncalibrated values are preferred to values that the phone has corrected. Acceleration without
-    gravity is used only if it is declared. `columns` are the declared columns: for a sensor, the
-    name of a file without the ending .csv, or three of ``FILE.COLUMN``.
+    ``paths["log"]`` is the path of the zip. Uncalibrated values are preferred to values that the
+    phone has corrected. Acceleration without gravity is used only if it is declared. `columns` are
+    the declared columns by quantity, or None: for a sensor, the name of a file without the ending
+    .csv, or three of ``FILE.COLUMN``.
     """
     texts, facts, clock = _texts(paths["log"])
     layouts = {}
@@ -81,9 +82,9 @@ def read(paths, columns=None):
 def _texts(path):
     """Return the text tables of a zip by name, facts about the recording, and its clock.
 
-    Tables are bytes; the name of a CSV lacks its ending. The facts, a dict of text in lower case,
-    come from Sensor Logger's Metadata.csv. The clock is phyphox's meta/time.csv, bytes. Facts and
-    clock are empty if the zip has none.
+    `path` is the path of the zip. Tables are bytes; the name of a CSV lacks its ending. The facts,
+    a dict of text in lower case, come from Sensor Logger's Metadata.csv. The clock is phyphox's
+    table of starts and pauses, meta/time.csv, bytes. Facts and clock are empty if the zip has none.
     """
     texts, about = {}, {"Metadata": b"", "time": b""}
     with zipfile.ZipFile(path) as archive:
@@ -106,11 +107,11 @@ def _texts(path):
 
 
 def _usual(quantity, tables, logger):
-    """Return the names of the tables that look like tables of a sensor, a list.
+    """Return the names of the tables in a zip that look like tables of a sensor, a list.
 
     `quantity` is the quantity of the sensor, `tables` are the Layouts by name, and `logger` tells
-    whether they are from Sensor Logger. If some of these tables are uncalibrated, the others are
-    left out.
+    whether they are from Sensor Logger. If some of the tables that look like it are uncalibrated,
+    only these are returned.
     """
     names = []
     for name, table in tables.items():
@@ -127,8 +128,8 @@ def _usual(quantity, tables, logger):
 def _with_pauses(log, clock):
     """Return a RawLog whose time stamps include the pauses, in which phyphox stops its clock.
 
-    `clock` is phyphox's table of events, bytes, with three columns: the name of the event, seconds
-    of the experiment, and seconds since 1970.
+    `log` is the RawLog without them. `clock` is phyphox's table of events, bytes, with three
+    columns: the name of the event, seconds of the experiment, and seconds since 1970.
     """
     events = [[x.replace(b",", b".") for x in row[1:]] for row in _STARTS.findall(clock)]
     starts = np.array(events, dtype=float).reshape(-1, 2)

@@ -81,7 +81,11 @@ def _option(path, value, form):
 
 
 def _argument(path, value, form):
-    """Return the Python argument for a key, text; the arguments are as in `_option`."""
+    """Return the Python argument for a key of the config, text.
+
+    `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
+    value, or the name of a key with any value; a missing group is None.
+    """
     key, *inside = (path or form).split(".")
     if form or not (inside or value):
         return f"{form}=" if form else key

@@ -36,9 +36,9 @@ class Ratio:
     """The ratio of a sensor's output to gravity, which is 1 in a good log.
 
     For the accelerometer it is the specific force over the magnitude of gravity. For the gyroscope
-    it is the turns by the angular rate over the turns of gravity's direction. It has a `value`, a
-    relative `error`, and `words` for a message. The sensor is off if the value differs from 1 by
-    more than the factor `most`.
+    it is the turns by the angular rate over the turns of gravity's direction. The ratio has a
+    `value`, a relative `error`, and `words` for a message. The sensor is off if the value differs
+    from 1 by more than the factor `most`.
     """
 
     value: float
@@ -48,11 +48,11 @@ class Ratio:
 
     @property
     def is_off(self):
-        """Whether the ratio differs from 1 by more than the factor `most`."""
+        """Whether the value differs from 1 by more than the factor `most`, up or down."""
         return np.isfinite(self.value) and not 1 / self.most <= self.value <= self.most
 
     def nearest(self, factors, error=None):
-        """Return the words of the factor nearest to the ratio, or None if it is not near enough.
+        """Return the words of the factor nearest to the value, or None if it is not near enough.
 
         `factors` is a list of (factor, words), such as the result of `readings`. A factor is near
         enough within the relative `error`, by default the error of the ratio.
@@ -63,7 +63,11 @@ class Ratio:
 
 
 def force_ratio(e):
-    """Return the Ratio of the specific force to gravity, at rest if there are rests, or None."""
+    """Return the Ratio of the specific force to gravity, at rest if there are rests.
+
+    The result is None without an accelerometer or without figures of its faults. `e` is the
+    Evidence on a log: all that ingest knows about it.
+    """
     if e.absent == "acceleration" or not e.figures["faults"]:
         return None
     force, where, most = e.figures["mean_specific_force"], "mean specific force", MOVING
@@ -74,7 +78,10 @@ def force_ratio(e):
 
 
 def turn_ratio(e):
-    """Return the Ratio of turns by the gyroscope to turns of gravity, or None without turns."""
+    """Return the Ratio of turns by the gyroscope to turns of gravity, None without turns.
+
+    `e` is the Evidence on a log: all that ingest knows about it.
+    """
     axes, rests = e.faults["axes"], e.faults["rests"]
     words = "the angular rate turns the device {:.3g} times as far as gravity turns in its axes"
     if turns := rests and rests["turn_ratio"]:
@@ -92,9 +99,10 @@ RATIOS = {"acceleration": force_ratio, "angular_rate": turn_ratio}
 
 
 def readings(e, quantity):
-    """Return the factors by which a sensor is off if it is read wrongly, a list of (factor, words).
+    """Return the factors by which a sensor's output is off if it is read wrongly, a list.
 
-    It is read wrongly if its `quantity` is taken in another unit or at another full scale.
+    An item is (factor, words). The sensor is read wrongly if its `quantity` is taken in another
+    unit or at another full scale. `e` is the Evidence on a log: all that ingest knows about it.
     """
     unit = e.raw_units[quantity]
     scale, where = unit.scale, f"units.{quantity}"
@@ -112,10 +120,11 @@ def readings(e, quantity):
 
 
 def steps(e, quantity):
-    """Return the factors by which a sensor is off if it logs increments that are taken as rates.
+    """Return the factors by which a sensor is off if its increments are taken as rates, a list.
 
-    The result is a list of (factor, right declaration), one for each unit of an increment of the
-    sensor with this `quantity`.
+    An increment is the integral of the output over a step. An item of the list is (factor, right
+    declaration), one for each unit of an increment of the sensor with this `quantity`. `e` is the
+    Evidence on a log: all that ingest knows about it.
     """
     unit, is_count = e.raw_units[quantity], e.raw_units[quantity].name == "count"
     words = f"nominal.{quantity}.scale: {{1:.6g}}" if is_count else f"units.{quantity}: {{0}}"
@@ -127,8 +136,9 @@ def steps(e, quantity):
 def increments(e):
     """Return values for a message if both sensors look like increments that are taken as rates.
 
-    Wrong units may look the same, as mm/s and mrad over 1 ms do. Then the units are the cause, and
-    the result is None.
+    The values are a dict by name. Wrong units may look the same, as mm/s and mrad over 1 ms do.
+    Then the units are the cause, and the result is None, as for a good log. `e` is the Evidence on
+    a log: all that ingest knows about it.
     """
     force, turns = (ratio(e) for ratio in RATIOS.values())
     if not (force and force.is_off and turns and turns.error <= MOST_ERROR):
@@ -146,10 +156,10 @@ def increments(e):
 
 
 def cause(e, quantity):
-    """Return words on the wrong unit, full scale or scale of counts if a sensor is off.
+    """Return words on the wrong unit, full scale or scale of counts if a sensor's output is off.
 
-    `quantity` is the quantity of the sensor. The result is None if it is not off, or if none of
-    these explains it.
+    `e` is the Evidence on a log: all that ingest knows about it. `quantity` is the quantity of the
+    sensor. The result is None or false if the output is not off, or if none of these explains it.
     """
     ratio, unit = RATIOS[quantity](e), e.raw_units[quantity]
     if not (ratio and ratio.is_off and ratio.error <= MOST_ERROR):
@@ -164,19 +174,30 @@ def cause(e, quantity):
 
 
 def size_of_force(e):
-    """Return words on the specific force if it is off."""
+    """Return words on the size of the specific force if it is not gravity, else a false value.
+
+    `e` is the Evidence on a log: all that ingest knows about it.
+    """
     ratio = force_ratio(e)
     return ratio and ratio.is_off and ratio.words
 
 
 def changed_force(e):
-    """Return the least and the largest size of the specific force at rest if they differ."""
+    """Return the least and the largest size of the specific force at rest if they differ, a dict.
+
+    They differ by more than the factor `CHANGED`; otherwise the result is False. `e` is the
+    Evidence on a log: all that ingest knows about it.
+    """
     rests, is_whole = e.faults["rests"], not (e.is_cut or e.faults["copies"])
     low, _, high = rests["force"] if rests and is_whole else (1.0, 1.0, 1.0)
     return high > CHANGED * low and {"low": low, "high": high}
 
 
 def scale_of_rate(e):
-    """Return words on the angular rate if it is off."""
+    """Return words on the scale of the angular rate if it contradicts the turns of gravity.
+
+    Otherwise the result is a false value. `e` is the Evidence on a log: all that ingest knows about
+    it.
+    """
     ratio = turn_ratio(e)
     return ratio and ratio.is_off and not e.is_cut and ratio.words

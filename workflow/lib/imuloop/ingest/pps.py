@@ -34,7 +34,10 @@ _WEEK = 604_800
 
 @dataclass(frozen=True)
 class Timeline:
-    """GNSS time as a function of a local counter, which is known at marks."""
+    """GNSS time as a function of a local counter, known at marks and linear between them.
+
+    A mark is a pulse of 1PPS, whose GNSS time and counter are both logged.
+    """
 
     counters: np.ndarray  # (m,): the counter at each mark, increasing
     seconds: np.ndarray  # (m,): GNSS time since the first mark, s
@@ -42,35 +45,39 @@ class Timeline:
     figures: dict  # the entry on marks in quality.json
 
     def at(self, x):
-        """Return GNSS time from the first mark, s, (n,), at the counters x, (n,)."""
+        """Return the GNSS time of n counters, s from the first mark, (n,).
+
+        `x` are the counters, (n,).
+        """
         i = np.clip(np.searchsorted(self.counters, x, side="right") - 1, 0, len(self.counters) - 2)
         # s + b/(C3 - C1) is the slope from mark to mark
         slope = np.diff(self.seconds) / np.diff(self.counters)
         return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
-        """Return a moment, given in seconds of GNSS time from the first mark, as ns since 1970.
+        """Return a moment as ns since 1970; None if the marks have no date.
 
-        The result is None if the marks have no date.
+        `seconds` is the moment in GNSS time, s from the first mark.
         """
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
     def figures_beside(self, seconds):
-        """Return the figures of the marks, and the numbers of rows before and after them, a dict.
+        """Return the figures on the marks in quality.json, with the rows outside of them, a dict.
 
-        `seconds` are the GNSS times of rows from the first mark, s, (n,).
+        The numbers of rows ``before`` the first mark and ``after`` the last one are added to the
+        figures. `seconds` are the GNSS times of n rows, s from the first mark, (n,).
         """
         outside = {"before": seconds < 0, "after": seconds > self.seconds[-1]}
         return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
 def find_timeline(rows, path=None):
-    """Return the Timeline of a log: GNSS time over the local counter.
+    """Return the Timeline of a log, GNSS time over its local counter, from marks of 1PPS.
 
     The counter is the mended time stamps of the log's `rows`, a `Rows`. The marks are in the
-    columns ``counter`` and ``time`` that the key ``pps`` declares. These are columns of the log,
-    or of the text table at `path`, by default its first two columns. Raises an ImuloopError if the
-    log cannot have marks, and a RejectedLog if the marks do not fit the log.
+    columns ``counter`` and ``time`` that the key ``pps`` of the config declares. These are columns
+    of the log, or of the text table at `path`, by default its first two columns. Raises an
+    ImuloopError if the log cannot have marks, and a RejectedLog if the marks do not fit the log.
     """
     columns = rows.declared.pps
     if not (path or rows.log.names.get("pps")):
@@ -98,9 +105,10 @@ def find_timeline(rows, path=None):
 
 
 def _align(counters, rows):
-    """Return the counters of n marks without roll-overs, (n,), on the mended counter of `Rows`.
+    """Return the counters of n marks without roll-overs, (n,), on the mended counter of a log.
 
-    `counters` are the counters as logged, (n,). Their roll-overs are mended as in the log.
+    `counters` are the counters as logged, (n,). `rows` are the `Rows` of the log. The roll-overs of
+    both are mended in the same way, and whole spans of the counter between the two are added.
     """
     clock, x = Clock(), rows.x[rows.usable]
     counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)
@@ -113,14 +121,14 @@ def _align(counters, rows):
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _fit_timeline(counters, times, dated, rows):
-    """Return the Timeline through the usable ones of n marks.
+    """Return the Timeline through the usable ones of n marks: GNSS time over the local counter.
 
     A mark is rejected if its time is not a whole second, or if it is more than `MOST_OFF` s away
-    from the line through its neighbours. The longest series of the others is used in which the
-    rate of the local clock is off by at most `MOST_OFF`. `counters` are the counters of the marks
-    without roll-overs, (n,). `times` are their GNSS times, (n,), ns since 1970 if `dated`, else s.
-    `rows` are the `Rows` of the log. Raises a RejectedLog if no two marks fit together, or if marks
-    and log share no time.
+    from the line through its neighbours. Of the remaining marks the longest run is used over which
+    the rate of the local clock differs from its nominal rate by at most `MOST_OFF`, s per s.
+    `counters` are the counters of the marks without roll-overs, (n,). `times` are their GNSS times,
+    (n,), ns since 1970 if `dated`, else s. `rows` are the `Rows` of the log. Raises a RejectedLog
+    if no two marks fit together, or if marks and log share no time.
     """
     count, seconds = len(counters), times * (1e-9 if dated else 1.0)
     whole = np.abs(seconds - np.rint(seconds)) <= MOST_OFF
@@ -155,7 +163,7 @@ def _fit_timeline(counters, times, dated, rows):
 
 
 def warnings(figures):
-    """Return the line for the user on a clock by marks, in a list.
+    """Return the line for the user on a log whose time is GNSS time through 1PPS marks, in a list.
 
     `figures` is the result of `Timeline.figures_beside`; the list is empty if it is None.
     """

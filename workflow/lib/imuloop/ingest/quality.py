@@ -68,7 +68,10 @@ def measure(columns, raw_units, full_scale, absent=None):
 # times of a damaged file can be of any size
 @np.errstate(all="ignore")
 def time_figures(t):
-    """Return the figures of times t, s, (n,), a dict as in quality.json: rate, jitter and gaps."""
+    """Return the figures of the n times of a log, a dict as in quality.json: rate, jitter and gaps.
+
+    `t` are the times, s, (n,).
+    """
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     jitter = {"std_s": None, "max_s": None}
     figures = {"rows": len(t), "duration_s": 0.0, "rate_hz": None, "jitter": jitter, "gaps": gaps}
@@ -98,13 +101,19 @@ def _limits(full_scale):
 
 
 def _mean_size(columns, axes):
-    """Return the mean magnitude of the vectors in the columns `axes`; None for an empty log."""
+    """Return the mean magnitude of the vectors in three columns of samples; None for an empty log.
+
+    `columns` are the samples, (n,) by name, and `axes` the names of the columns x, y and z.
+    """
     size = np.sqrt(sum(columns[name] ** 2 for name in axes))
     return float(size.mean()) if len(size) else None
 
 
 def _range(x):
-    """Return the least and the largest value of a channel x, (n,), a list; None without a value."""
+    """Return the least and the largest value of a channel, a list; None if none is finite.
+
+    `x` are the samples of the channel, (n,).
+    """
     ends = [float(np.fmin.reduce(x)), float(np.fmax.reduce(x))] if len(x) else [np.nan]
     return ends if np.isfinite(ends).all() else None
 
@@ -174,9 +183,9 @@ def rails(figures, full_scale):
 
 
 def stuck(figures):
-    """Return the time spans in which a channel is stuck, a list of [first, last], s.
+    """Return the time spans in which a channel is stuck at one value, a list of [first, last], s.
 
-    `figures` are the quality figures.
+    `figures` are the quality figures of the log, as `measure` returns them.
     """
     channels = figures["faults"].get("stuck", {}).values()
     return sorted(span for channel in channels for span in channel["spans_s"])

@@ -49,18 +49,18 @@ class RawLog:
         return TEMPERATURE in self.names
 
     def lose(self, count):
-        """Add the bad lines and bytes that another RawLog, `count`, has counted in this log."""
+        """Add to this log the bad lines and bytes that were counted in `count`, another RawLog."""
         self.bad_lines += count.bad_lines
         self.lost_bytes += count.lost_bytes
         self.text_bytes += count.text_bytes
 
 
 def absent_sensor(log, columns):
-    """Return the quantity of the sensor that a RawLog lacks, or None if it has both sensors.
+    """Return the quantity of the sensor that a log lacks, or None if it has both sensors.
 
-    A sensor was not logged if it is None in the declared `columns`, or if the table has fewer
-    unread columns than a sensor has axes. Otherwise its columns are not known, and an ImuloopError
-    is raised.
+    `log` is the RawLog. A sensor was not logged if it is None in the declared `columns`, or if the
+    table has fewer unread columns than a sensor has axes. Otherwise its columns are not known, and
+    an ImuloopError is raised.
     """
     lacks = [quantity for quantity in SENSORS if quantity not in log.names]
     for quantity in lacks:

@@ -66,11 +66,12 @@ def beside(samples, files, declared, session, counts):
 
 
 def read_series(path, log_format, columns):
-    """Return the stamps of a table, an Arrow array or None, and the numbers of a reference, (n, k).
+    """Return the time stamps in a table of a reference, or None, and its numbers, (n, k).
 
-    `path` is the path of the table, and `log_format` the name of its format or None. `columns` are
-    the declared columns ``time``, ``orientation`` and ``position``. The k numbers of a row are the
-    quaternion, then the place. Sensors are not read.
+    The time stamps are an Arrow array. `path` is the path of the table, and `log_format` the name
+    of its format or None. `columns` are the declared columns ``time``, ``orientation`` and
+    ``position``. The k numbers of each of n rows are the quaternion, then the place if it is
+    declared: k is 4 or 7. Columns of sensors are not read.
     """
     read = find_format(log_format, {"log": path})[1]
     others = {
@@ -87,7 +88,7 @@ def read_series(path, log_format, columns):
 
 
 def _read(files, declared, session, counts):
-    """Return the Reference in its file, with times from the first sample of the log, and figures.
+    """Return a Reference from its file, with times from the first sample of the log, and figures.
 
     The figures are numbers of rows, of lost attitudes and of rows out of order, a dict. The
     arguments are as in `beside`. Raises an ImuloopError for a declaration that does not fit.
@@ -135,12 +136,12 @@ def _read(files, declared, session, counts):
 
 
 def _on_clock(reference, t, w):
-    """Return the Reference on the clock of the samples, and the offset that was added, s.
+    """Return a Reference on the clock of the samples, and the offset added to its times, s.
 
-    At the offset the magnitudes of the angular rates of reference and samples agree best. `t` are
-    the times of the samples, s, (n,), and `w` their angular rates, rad/s, (n, 3). If the offset is
-    at most `COMPARED`, both have the same clock and 0 is added; the diagnosis estimates such an
-    offset.
+    At the offset the magnitudes of the angular rates of reference and samples agree best.
+    `reference` is the Reference on its own clock. `t` are the times of n samples, s, (n,), and `w`
+    their angular rates, rad/s, (n, 3). If the offset is at most `COMPARED`, both have the same
+    clock and 0 is added; the diagnosis estimates such an offset.
     """
     # loaded late, as few logs have a reference
     from scipy.signal import correlate, correlation_lags
@@ -206,12 +207,12 @@ def _noise(reference):
 
 
 def _white_noise(t, change):
-    """Return the standard deviation σ of white noise, None if there are too few samples.
+    """Return the standard deviation σ of the white noise in n values, None if there are too few.
 
-    `t` are the times of n values, s, (n,), and `change` is the change from each value to the next
-    one, (n - 1, 3), in the unit of σ. White noise gives third differences of the values the
-    variance 20 σ²; motion is smooth over three steps and adds little. Only third differences of
-    evenly spaced values are used.
+    `t` are the times of the values, s, (n,), and `change` is the change from each value to the next
+    one on three axes, (n - 1, 3), in the unit of σ. White noise gives third differences of the
+    values the variance 20 σ²; motion is smooth over three steps and adds little. Only third
+    differences of evenly spaced values are used.
     """
     steps = np.diff(t)
     if len(steps) < 3:

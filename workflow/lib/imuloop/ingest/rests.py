@@ -38,8 +38,9 @@ NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
 def measure_turns(x, t):
     """Return the entries ``axes`` and ``rests`` of quality.json, a dict or None each.
 
-    They are the results of `fit_axes` and of `measure_rests`. `x` are the channels,
-    SI, (n,) by name, and `t` are the times of the rows, s, (n,).
+    They are the results of `fit_axes`, whether both sensors have the same axes, and of
+    `measure_rests`, figures of the rests. `x` are the channels of n rows, SI, (n,) by name, and `t`
+    are the times of the rows, s, (n,).
     """
     steps = np.diff(t)
     # in a longer gap the device may be turned; shorter ones make the rate less than the usual step
@@ -54,7 +55,10 @@ def measure_turns(x, t):
 
 
 def angle_between(u, v):
-    """Return the angles between unit vectors u and v, (3,) or (3, n) each, rad, a float or (n,)."""
+    """Return the angles between unit vectors, rad, a float or (n,).
+
+    `u` and `v` are the vectors, (3,) for one, or (3, n) for n of them.
+    """
     return np.arccos(np.clip((u * v).sum(axis=0), -1.0, 1.0))
 
 
@@ -108,7 +112,9 @@ def measure_rests(means, step, guess=None):
 
 
 def turn_ratio(moves, scales):
-    """Return the scale of the angular rate by moves: turns by it over turns of gravity.
+    """Return the scale of the angular rate by moves: turns by it over turns of gravity, or None.
+
+    A move is a motion from one rest to the next.
 
     Parameters
     ----------
@@ -116,7 +122,7 @@ def turn_ratio(moves, scales):
         For each move, the directions of gravity before and after it, (3,) each, and the rotation
         vectors of the n steps between, rad, (n, 3).
     scales : array_like, shape (s,)
-        Scales that are tried for each move.
+        The s scales that are tried for each move.
 
     Returns
     -------
@@ -136,12 +142,13 @@ def turn_ratio(moves, scales):
 
 
 def _scale(before, after, steps, scales):
-    """Return the scale k with which a move turns gravity from `before` to `after`, or None.
+    """Return the scale k of the angular rate with which a move turns gravity as it did, or None.
 
-    `before` and `after` are directions of gravity, (3,). `steps` are the rotation vectors of the n
-    steps of the move, rad, (n, 3); they are divided by k. `scales` are the k that are tried, (s,);
-    the result is interpolated between them. It is None if the best of them is the first or the
-    last, or leaves an error of more than `MOST_LEFT` of the turn.
+    `before` and `after` are the directions of gravity, on axes of the device, at the start and the
+    end of the move, unit vectors (3,). `steps` are the rotation vectors of the n steps of the move,
+    rad, (n, 3); they are divided by k. `scales` are the s values of k that are tried, (s,); the
+    result is interpolated between them. It is None if the best of them is the first or the last, or
+    leaves an error of more than `MOST_LEFT` of the turn.
     """
     turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
     rest = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
@@ -159,10 +166,10 @@ def _scale(before, after, steps, scales):
 def _changes(rate, turning):
     """Return the squared change of the mean rate between windows, and its part by noise, (2, n).
 
-    `rate` has k values of the three axes in each of n + 1 windows, (3, n + 1, k), and `turning`
-    their means, (3, n + 1). White noise of variance v gives the mean of k values the variance v/k,
-    and the difference of two such means twice that. v is half the mean square of the differences
-    between neighbouring values.
+    The changes are between n + 1 successive windows. `rate` has k values of the three axes in each
+    of them, (3, n + 1, k), and `turning` their means, (3, n + 1). White noise of variance v gives
+    the mean of k values the variance v/k, and the difference of two such means twice that. v is
+    half the mean square of the differences between neighbouring values.
     """
     white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
     return np.array([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])

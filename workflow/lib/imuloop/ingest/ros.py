@@ -30,11 +30,11 @@ _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "tempe
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the inertial messages in ``paths["log"]``, a bag or a folder of bags.
+    """Return the RawLog of the inertial messages in a bag of ROS, or in a folder of bags.
 
-    The stamps come from the headers, in ns. If the stamps in the headers of a topic never change,
-    its stamps are the times of receipt. `columns` are the declared columns by quantity, each a
-    topic or ``TOPIC.FIELD``.
+    ``paths["log"]`` is the path of the bag or the folder. The stamps come from the headers, in ns.
+    If the stamps in the headers of a topic never change, its stamps are the times of receipt.
+    `columns` are the declared columns by quantity, or None: each is a topic or ``TOPIC.FIELD``.
     """
     path, topics, notes, damage = Path(paths["log"]), {}, [], []
     bags = [path]
@@ -69,8 +69,9 @@ def _link(path, target):
 def _gather(bag, topics):
     """Add the messages of a bag to `topics`; return how many fewer there are than it announces.
 
-    `topics` maps (name, type) of a topic to three sequences: its time stamps, ns, of header and
-    receipt in turn; its values, row by row; and the times of receipt of unreadable messages.
+    `bag` is the path of the bag. `topics` maps (name, type) of a topic to three sequences: its time
+    stamps, ns, of header and receipt in turn; its values, row by row; and the times of receipt of
+    unreadable messages.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -103,7 +104,7 @@ def _gather(bag, topics):
 
 
 def _stream(name, kind, stamps, values, damaged):
-    """Return the Stream of a topic of m messages.
+    """Return the Stream of a topic of m messages: its time stamps and its values by name.
 
     `name` is the name of the topic, and `kind` the type of its messages. `stamps` are stamps, ns,
     of header and receipt in turn, (2 m,). `values` are the numbers of the messages, row by row.

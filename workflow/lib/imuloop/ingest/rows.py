@@ -99,7 +99,7 @@ class Rows:
 
     @property
     def origin(self):
-        """The first time stamp."""
+        """The first usable time stamp, in units of `scale` s."""
         return self.x[self.usable.argmax()].item()
 
     @property
@@ -121,12 +121,18 @@ class Rows:
         return f"{unit}, by 1PPS" if self.timeline else unit
 
     def times(self, keep):
-        """Return the times of the rows `keep`, counted from the first of them, s, (k,)."""
+        """Return the times of k of the rows, counted from the first of these, s, (k,).
+
+        `keep` is a mask of the rows, or a slice.
+        """
         x = self.x[keep]
         return (x - x[0]) * self.scale
 
     def moment(self, stamp):
-        """Return a time stamp in its unit as ns since 1970; None if it is not a date."""
+        """Return a time as ns since 1970; None if the time stamps of the log are not dates.
+
+        `stamp` is the time in the unit of the time stamps.
+        """
         if self.timeline:
             return self.timeline.moment(stamp)
         unit = self.units["time"]
@@ -155,7 +161,7 @@ class Rows:
             self._make_even()
 
     def _put_on(self, x):
-        """Set the time stamps of the rows to x, (n,), and the newest one before each, in place."""
+        """Set the time stamps of the n rows to `x`, (n,), in place, and the newest before each."""
         self.x = x
         self.before = np.where(self.usable, x, self.origin - 1)
         self.before[1:] = np.maximum.accumulate(self.before)[:-1]

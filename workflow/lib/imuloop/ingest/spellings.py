@@ -49,7 +49,10 @@ _PART = re.compile(r"(.*?)((?:n|u|nano|micro|milli)(?:secs?|seconds))", re.IGNOR
 
 
 def _plain(text):
-    """Return the letters and digits of a text in lower case, with deg for ° and u for μ."""
+    """Return the letters and digits of `text` in lower case, with deg for ° and u for μ.
+
+    Texts that spell a name or a unit in different ways become equal.
+    """
     text = unicodedata.normalize("NFKC", str(text)).lower().replace("°", "deg").replace("μ", "u")
     return re.sub(r"[\W_]", "", text)
 
@@ -78,10 +81,11 @@ class _Match(NamedTuple):
 
 
 def stated_unit(quantity, text, increments=False):
-    """Return the unit of a quantity, as in the config, that `text` spells; None if not known.
+    """Return the unit that `text` spells for a quantity, as the config names it; None if unknown.
 
-    "m s^-2" is m/s^2. A unit of an increment, such as deg, counts only if `increments` is true.
-    Otherwise a log that has deg as the unit of a rate means deg/s.
+    "m s^-2" is m/s^2. `quantity` is the name of the quantity. A unit of an increment, such as deg,
+    counts only if `increments` is true. Otherwise a log that has deg as the unit of a rate means
+    deg/s.
     """
     unit = _SPELT[quantity].get(_plain(text))
     summed = unit in INCREMENTS.get(quantity, ())
@@ -91,12 +95,15 @@ def stated_unit(quantity, text, increments=False):
 
 
 def is_iso(unit):
-    """Return whether a unit of time, in any spelling, is ISO 8601."""
+    """Return whether `unit`, a unit of time in any spelling, is ISO 8601, that is, dates."""
     return _plain(unit) in ("iso", "iso8601")
 
 
 def unknown_unit(quantity, text):
-    """Return the error of a log that states an unknown unit, `text`, of a quantity."""
+    """Return the ImuloopError of a log that states an unknown unit of a quantity.
+
+    `quantity` is the name of the quantity, and `text` the unit as the log states it.
+    """
     return ImuloopError(
         f"units.{quantity}: the log says '{text}', which is not a known unit; declare "
         f"the right one of {', '.join(UNITS[quantity])}"
@@ -105,10 +112,11 @@ def unknown_unit(quantity, text):
 
 @cache
 def _parts(name):
-    """Return the words of a name before its axis, the axis, the words after it, and its unit.
+    """Return the words of a column's name before its axis, its axis, the words after, and its unit.
 
-    The words are tuples. The axis is None in a name without one; it is a word by itself, or it is
-    joined to a known name, as in gx. The unit is the text in the last brackets, or empty.
+    `name` is the name. The words are tuples. The axis is None in a name without one; it is a word
+    by itself, or it is joined to a known name, as in gx. The unit is the text in the last brackets,
+    or empty.
     """
     # longer texts are not names
     text = unicodedata.normalize("NFKC", name[-99:])
@@ -126,26 +134,30 @@ def _parts(name):
 
 
 def words_of(name):
-    """Return the words of a column's name in lower case, a list.
+    """Return the words of a column's `name` in lower case, a list.
 
-    The axis, a unit in brackets, and words for a place are left out.
+    The axis, a unit in brackets, and words for a place on a body are left out.
     """
     before, _, after, _ = _parts(name)
     return [word for word in (*before, *after) if word not in _PLACE]
 
 
 def named_sensor(text):
-    """Return the quantity of the sensor that a text, such as a file's name, names, or None."""
+    """Return the quantity of the sensor that a text, such as a file's name, names, or None.
+
+    The result is also None if `text` names both sensors, or a quantity that is derived from them.
+    """
     words = words_of(str(text))
     sensors = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
     return sensors.pop() if len(sensors) == 1 and _DERIVED.isdisjoint(words) else None
 
 
 def _ending(quantity, words, alone=True):
-    """Return the index in `words` at which a unit of a quantity at their end starts.
+    """Return the index in a list of words at which a unit at their end starts.
 
-    If they do not end in such a unit, the result is the number of words. A single letter by itself
-    is a unit only if `alone`.
+    `words` are the words of a column's name, and the unit is one of `quantity`. If they do not end
+    in such a unit, the result is the number of words. A single letter by itself is a unit only if
+    `alone`.
     """
     for k in range(len(words)):
         text = "".join(words[k:])
@@ -157,9 +169,10 @@ def _ending(quantity, words, alone=True):
 def unit_of(quantity, places, names, increments=False):
     """Return the unit that the names of columns state, such as 'ax [g]', 'time_us', 'gx deg/s'.
 
-    `places` are the positions of the columns in `names`, a tuple. `increments` tells whether the
-    columns hold increments. An unknown unit is returned as it is written, and different units as
-    one text. The result is None if no name states a unit.
+    `quantity` is the quantity in these columns, and `places` are their positions in `names`, the
+    names of all columns. `increments` tells whether the columns hold increments. An unknown unit is
+    returned as it is written, and different units as one text. The result is None if no name states
+    a unit.
     """
     units = {}
     for at in places:
@@ -193,8 +206,9 @@ def increment_name(quantity, name):
 def two_parts(names):
     """Return the positions of the columns of whole seconds and of parts of a second, and a unit.
 
-    The unit of the parts is in ns. `names` are the names of all columns. Names of such columns
-    are sec and nsec, or seconds and milliseconds. The result is (None, 1) if no two have such.
+    The positions are a tuple, and the unit is the unit of the parts, ns. `names` are the names of
+    all columns. Names of such columns are sec and nsec, or seconds and milliseconds. The result is
+    (None, 1) if no two columns have such names.
     """
     whole = {match[1]: at for at, name in enumerate(names) if (match := _WHOLE.fullmatch(name))}
     for at, name in enumerate(names):
@@ -242,8 +256,8 @@ def guess(names, alone=None, usual=True):
 def _triples(names):
     """Return the positions of columns x, y and z whose names differ only in the axis.
 
-    The result is a list with an entry for each set of such names: a list of tuples of three
-    positions. It has one tuple, or two if a name repeats.
+    `names` are the names of all columns. The result is a list with an entry for each set of such
+    names: a list of tuples of three positions. An entry has one tuple, or two if a name repeats.
     """
     alike = {}
     for at, name in enumerate(names):
@@ -255,7 +269,10 @@ def _triples(names):
 
 
 def _match(quantity, name):
-    """Return the best `_Match` of a column's name with a quantity, or None if nothing matches."""
+    """Return how well the name of a column shows a quantity, the best `_Match`, or None.
+
+    `quantity` is the name of the quantity, and `name` the name of the column.
+    """
     before, _, after, unit = _parts(name)
     words, sensor = before or after, quantity in SENSORS
     # the unit may be unknown, as in Time (UTC), but not of another quantity, as in T (°)

@@ -125,11 +125,12 @@ def find_spikes(x, steps):
 def _candidates(x, step):
     """Return the k samples of a channel that may be spikes, (4, k).
 
-    `x` are the samples of the channel, (n,), and `step` is its quantisation step. A cheap test
+    `x` are the n samples of the channel, (n,), and `step` is its quantisation step. A cheap test
     excludes most samples: the distance of a sample from the cubic through two samples on each side
     has to exceed `OF_NOISE` steps and twice the distances of the samples three and five rows away.
-    The rows of the result are: number of the row, value c of the cubic through NEAR samples on each
-    side, distance from c, and this distance over the largest one of these samples.
+    The four rows of the result are: number of the row, value c of the cubic fitted to NEAR samples
+    on each side, distance of the sample from c, and this distance over the largest distance of
+    these neighbours from the cubic.
     """
     distance = _distance(x)
     inner, twice = distance[REACH:-REACH], 2 * distance
@@ -145,9 +146,10 @@ def _candidates(x, step):
 
 
 def _distance(x):
-    """Return the distances of samples, (..., n), from the cubic through two samples on each side.
+    """Return the distances of samples from the cubic through two samples on each side.
 
-    The result, (..., n - 4), lacks two samples at each end.
+    `x` are the samples, (..., n): the last axis is n rows, and all other axes are kept. The result,
+    (..., n - 4), lacks two samples at each end.
     """
     sums = 4 * (x[..., 1:-3] + x[..., 3:-1]) - x[..., :-4] - x[..., 4:]
     return np.abs(x[..., 2:-2] - sums / 6)

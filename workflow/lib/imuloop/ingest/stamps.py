@@ -95,8 +95,8 @@ def joined_stamps(seconds, parts, part_ns):
 def stamp_values(column):
     """Return time stamps as numbers, (n,), the mask of readable ones, (n,), and if they are dates.
 
-    `column` is an Arrow array, as `stamp_array` returns it. The numbers are int64, ns since 1970
-    for dates, or float64. A stamp that is not readable is 0.
+    `column` is an Arrow array of n stamps, as `stamp_array` returns it. The numbers are int64, ns
+    since 1970 for dates, or float64. A stamp that is not readable is 0.
     """
     dates = pa.types.is_timestamp(column.type)
     if dates and column.type.unit != "ns":
@@ -133,9 +133,9 @@ def no_stamps(column, name, texts=()):
 
 
 def iso_nanoseconds(value):
-    """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC.
+    """Return a declared ISO 8601 time as nanoseconds since 1970, UTC.
 
-    Raises an ImuloopError for another text.
+    `value` is a text or a date. Raises an ImuloopError for another text.
     """
     try:
         moment = pd.Timestamp(datetime.fromisoformat(str(value)))
@@ -170,5 +170,5 @@ def check_unit(stamp, unit):
 
 
 def iso_text(nanoseconds):
-    """Return nanoseconds since 1970 as an ISO 8601 text, UTC."""
+    """Return a time, `nanoseconds` since 1970, as an ISO 8601 text, UTC."""
     return pd.Timestamp(nanoseconds, unit="ns").isoformat() + "Z"

@@ -38,7 +38,8 @@ class Stream:
     def measures(self, quantity):
         """Return whether the stream measures a quantity: a field of it has values other than zero.
 
-        The fields are found by the usual names of the quantity. Without one the result is None.
+        `quantity` is the name of the quantity. Its fields are found by their usual names. Without
+        such a field the result is None.
         """
         if not guess(self.names)[quantity]:
             return None
@@ -60,8 +61,8 @@ def sensor_fields(quantity, fields, names, interval, ticks_per_s=1):
 
     `quantity` is the quantity of the sensor, `fields` are the values, (n,) by name, and `names` the
     names of x, y and z in `fields`. If `fields` has a field with the name `interval`, the values
-    are increments and are divided by it. A second is `ticks_per_s` of its unit. A value becomes
-    not-a-number if its interval is not positive.
+    are increments and are divided by it. `ticks_per_s` is the number of units of the interval in a
+    second. A value becomes not-a-number if its interval is not positive.
     """
     if not {*names} <= {*fields}:
         return {}
@@ -153,9 +154,10 @@ def choose(columns, tables, usual, bare=False):
 def owner(key, columns, tables, bare=False):
     """Return the name of the table that is declared for a quantity, None if none is declared.
 
-    `key` is the quantity. The other arguments are as in `choose`; the name of the table is
-    removed from the declared columns of the quantity, in place. Raises an ImuloopError if there is
-    no such table.
+    `key` is the name of the quantity. `columns` are the declared columns by quantity; the name of
+    the table is removed from those of this quantity, in place. `tables` has the names of the
+    columns of each table by its name. If `bare`, columns may be declared without their table.
+    Raises an ImuloopError if there is no such table.
     """
     if (declared := columns.get(key)) is None:
         return None

@@ -88,10 +88,10 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _unit_of_stamps(log):
-    """Return the tick of the time stamps of a RawLog and its unit; None if the unit is not clear.
+    """Return the tick of the time stamps of a log and their unit; None if the unit is not clear.
 
-    A stamp times the tick is in the unit. It is clear if the stamps are Unix time in a finer unit
-    than s, at a plausible rate, or ticks of Xsens.
+    `log` is the RawLog. A stamp times the tick, a factor, is in the unit. The unit is clear if the
+    stamps are Unix time in a finer unit than s, at a plausible rate, or ticks of Xsens.
     """
     name = log.names.get("time")
     if "time" in log.units or not isinstance(name, str):
@@ -113,7 +113,7 @@ def _unit_of_stamps(log):
 
 
 def doubles(column):
-    """Return a column as float64; missing values become NaN."""
+    """Return a column, an Arrow array, as float64; missing values become NaN."""
     # whole numbers of more than 53 bits are rounded
     column = column.cast(pa.float64(), safe=False)
     return column.fill_null(float("nan")) if column.null_count else column
@@ -151,7 +151,8 @@ def _without_turns(log):
 def _absent(batch, lacks):
     """Return whether each of n rows lacks all axes of each of the two sensors, (2, n) of bool.
 
-    `batch` has the rows. The function ``lacks(values)`` returns which values are absent.
+    The first axis is accelerometer, gyroscope. `batch` has the rows. The function ``lacks(values)``
+    returns which values are absent.
     """
     values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
     return lacks(values).all(axis=1)
@@ -195,7 +196,7 @@ def read_pair(read, paths, columns=None):
     """Return the RawLog of a log in two tables, one for each sensor.
 
     `paths` has the path of each table by quantity, and `columns` are the declared columns by
-    quantity. Each table is read by ``read(paths, columns)``.
+    quantity, or None. Each table is read by the function ``read(paths, columns)``.
     """
     files = {SENSOR_OF[quantity]: path for quantity, path in paths.items()}
     return read_tables(SENSOR_OF, lambda name, x: read({"log": files[name]}, x), columns or {})

@@ -61,10 +61,10 @@ class Layout:
 
 
 def find_layout(source, least=LEAST):
-    """Return the Layout of a text table with at least `least` columns.
+    """Return the Layout of a text table: separator, names and units of its columns, and so on.
 
-    `source` is the path of the table or its text as bytes. Raises a RejectedLog if it is not such a
-    table.
+    `source` is the path of the table or its text as bytes, and `least` the least number of columns.
+    Raises a RejectedLog if it is not a table with at least this number.
     """
     head = next(parts_of(source, LONGEST_LINE), b"")
     # the last line may be cut off
@@ -140,15 +140,15 @@ def parts_of(source, size):
 
 
 def unreadable(error):
-    """Return the RejectedLog of a file whose reading ended in an error."""
+    """Return the RejectedLog of a file whose reading ended in an exception, `error`."""
     return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
 
 
 def _rows(lines, least):
-    """Return the separator with which most fields are numbers, the usual width, and the rows.
+    """Return the separator with which most fields of lines are numbers, the width, and the rows.
 
-    `lines` are texts. The width is the number of fields that most lines have, at least `least`. The
-    rows are the fields of each line, a list of lists; it is empty if the lines are not a table.
+    `lines` are the texts. The width is the number of fields that most lines have, at least `least`.
+    The rows are the fields of each line, a list of lists; it is empty if the lines are not a table.
     """
     best = 0.0, "", 0, []
     for separator in _SEPARATORS if lines else ():
@@ -174,9 +174,9 @@ def decoded(line):
 
 
 def fields_of(line, separator):
-    """Return the fields of a line, a list; empty if its quotes do not fit.
+    """Return the fields of a `line` of a table, a list of text; empty if its quotes do not fit.
 
-    `separator` is the separator, as in `Layout`.
+    `separator` is the separator of fields, as in `Layout`.
     """
     if separator == BLANKS:
         return line.split()
@@ -188,7 +188,7 @@ def fields_of(line, separator):
 
 
 def is_number(text):
-    """Return whether a field is a number, a date, or a text for a missing number."""
+    """Return whether `text`, a field, is a number, a date, or a text for a missing number."""
     if text in MISSING or _DATE.match(text):
         return bool(text)
     try:

@@ -35,12 +35,12 @@ _NO_ACCELERATION = 0x7FFFFFFF
 
 
 def read(paths, columns=None):
-    """Return the RawLog of the ULog file at ``paths["log"]``.
+    """Return the RawLog of a PX4 ULog file, the log as it was read.
 
-    A stream has the rows of a topic of one instance (sensor), such as ``sensor_accel_0``. `columns`
-    are the declared columns by quantity, each a stream or ``STREAM.FIELD``; they may be of topics
-    other than the usual ones. Increments are divided by their own interval. A buffer of samples
-    becomes one row per sample.
+    ``paths["log"]`` is the path of the file. `columns` are the declared columns by quantity, or
+    None: each is a stream or ``STREAM.FIELD``; they may be of topics other than the usual ones. A
+    stream has the rows of a topic of one instance (sensor), such as ``sensor_accel_0``. Increments
+    are divided by their own interval. A buffer of samples becomes one row per sample.
     """
     # imported late, as few logs need this library
     from pyulog import ULog
@@ -66,11 +66,11 @@ def read(paths, columns=None):
 
 
 def _sensor_id(quantity, data, parameters):
-    """Return the device id and the slot of the sensor of a quantity, {name: {"id", "slot"}}.
+    """Return the device id and the slot of a sensor in the autopilot, {name: {"id", "slot"}}.
 
-    The slot is the number in the name of PX4's parameter with this id: 0 for CAL_ACC0_ID. The id
-    comes from `data`, the fields of the sensor's topic, or else from PX4's `parameters`. The result
-    is empty if there is no id or more than one.
+    `quantity` is the quantity of the sensor. The slot is the number in the name of PX4's parameter
+    with this id: 0 for CAL_ACC0_ID. The id comes from `data`, the fields of the sensor's topic, or
+    else from PX4's `parameters`. The result is empty if there is no id or more than one.
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
@@ -105,7 +105,7 @@ class _Tape(io.BytesIO):
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
 def _streams(topic):
-    """Return the Streams of one instance (sensor) of a topic, a list.
+    """Return the Streams, rows with one clock each, of one instance (sensor) of a topic, a list.
 
     `topic` is the data set of pyulog. A Stream also has the fields of the sensors under their usual
     names. The acceleration is a Stream by itself if it was sampled at other times than the angular
@@ -142,11 +142,11 @@ def _streams(topic):
 
 
 def _unpacked(stamps, fields):
-    """Return time stamp, us, (m,), and fields x, y, z, (m,), of all m samples in buffers.
+    """Return time stamp, us, (m,), and fields x, y, z, (m,) each, of all m samples in buffers.
 
-    Each row of `fields` is a buffer of samples. `stamps` has the time of its last sample, us, and
-    the field ``dt`` the step between two samples, us. If `fields` has no buffers, both are returned
-    as they are.
+    `fields` has columns of a topic by name; each row of them is a buffer of samples. `stamps` has
+    the time of the last sample of each buffer, us, and the field ``dt`` the step between two
+    samples, us. If `fields` has no buffers, both are returned as they are.
     """
     width = sum(name.startswith("x[") for name in fields)
     k = np.arange(width)
