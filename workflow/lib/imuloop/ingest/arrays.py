@@ -49,11 +49,11 @@ def read_feather(paths, columns=None):
 
 
 def _arrow_log(schema, read, columns):
-    """Return the RawLog of an Arrow table.
+    """Return the RawLog of an Arrow table, as Parquet and Feather files hold it.
 
     `schema` is the schema of the table. ``read(columns=names)`` returns the table with only the
-    columns of these names. `columns` are the declared columns by quantity. The RawLog takes
-    ``simulated`` and ``units`` from the project's own metadata in the schema.
+    columns of these names. `columns` are the declared columns by quantity, or None. The RawLog
+    takes ``simulated`` and ``units`` from the metadata that imuloop itself wrote into the schema.
     """
     names, stated = schema.names, own_metadata(schema.metadata or {})
     refuse_calibrated(names, stated)

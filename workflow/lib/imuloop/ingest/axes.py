@@ -92,10 +92,11 @@ def fit_axes(means, step):
 
 
 def mapping_words(mapping):
-    """Return a mapping of the axes in words, such as "x as gy, y as -gx: turned axes".
+    """Return in words which axis of the gyroscope fits each axis of the accelerometer.
 
-    `mapping` has for each axis x, y, z of the accelerometer the axis of the gyroscope: 1, 2, 3 for
-    gx, gy, gz, negative if the sign is turned, and 0 if it is not known.
+    The text is such as "x as gy, y as -gx: turned axes". `mapping` has for each axis x, y, z of the
+    accelerometer the axis of the gyroscope: 1, 2, 3 for gx, gy, gz, negative if the sign is turned,
+    and 0 if it is not known.
     """
     axes = [
         f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"

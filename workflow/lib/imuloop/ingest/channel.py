@@ -80,6 +80,8 @@ def least_stuck(lengths):
 class Channel:
     """The n samples of a channel, which last `duration` s, and their faults.
 
+    A run is a number of successive rows with one value.
+
     Attributes
     ----------
     x, step : array of shape (n,), float
@@ -93,15 +95,15 @@ class Channel:
     is_fine : bool
         Whether the values span more than `SPAN` steps in at least half of the blocks that change.
     stuck : list of tuple of int
-        First row and number of rows of the stuck runs.
+        First row and number of rows of each run that is too long for chance.
     tops : array
-        Values of flat tops.
+        Values of flat tops: runs at an end of the range, far from the values before and after.
     failed_reads : int
         Number of rows with the value of failed reads, which are far from the rows before and after.
     ends : dict of float to int
         Number of rows at each saturated end of the range, SI.
     wraps : array of int
-        Rows before an integer wraps around.
+        Rows before an integer wraps around from one end of its range to the other.
     """
 
     def __init__(self, x, step, duration):
@@ -136,9 +138,10 @@ class Channel:
     def _saturated_ends(self, second):
         """Return the number of rows at each saturated end of the range, a dict by value, SI.
 
-        An end is saturated if many rows are there and few at the next level, or if it is reached in
-        flat tops, which no smooth motion has. A single run of a second or more is a stuck value.
-        `second` is the number of rows in a second.
+        An end is the least or the largest sample. It is saturated if many rows are there and few at
+        the next quantisation step, or if it is reached in flat tops, which no smooth motion has. A
+        single run of a second or more at an end is a stuck value instead. `second` is the number of
+        rows in a second.
         """
         ends, width = {}, self.step or np.finfo(float).tiny
         for value in sorted({self.low, self.high} - {0.0}) if self.low < self.high else ():

@@ -55,9 +55,10 @@ LEAST_WRAPS, MOST_WRAPS = 3, 20
 class Check:
     """A row of the table of checks: a test of a log for one fault.
 
-    `name` is unique, `severity` is one of `SEVERITIES`, and `measure` is the function of the test.
-    `message` and `remedy` are formats of the text for the user. `about` are the subjects of the
-    check, words. Once a check has a finding, all later checks with a subject of it are skipped.
+    `name` is unique, `severity` is one of `SEVERITIES`, and `measure` is the function of the test,
+    which takes the Evidence on a log and returns a false value if all is well. `message` and
+    `remedy` are formats of the text for the user. `about` are the subjects of the check, words.
+    Once a check has found its fault, all later checks with one of its subjects are skipped.
     """
 
     name: str
@@ -184,13 +185,20 @@ def _temperature(e):
 
 
 def _saturated(e):
-    """Return a text with the number of saturated rows for each channel that has any, a list."""
+    """Return the number of saturated rows of each channel that has any, a list of texts.
+
+    `e` is the Evidence on a log: all that ingest knows about it.
+    """
     rows = {name: ends["rows"] for name, ends in e.faults["clipped_at"].items()}
     return listed({name: n or rows.get(name, 0) for name, n in e.figures["clipped"].items()})
 
 
 def _axes(e):
-    """Return a mapping of the axes, in words, that fits better than the axes as logged."""
+    """Return in words a mapping of the axes that fits the turns better than the axes as logged.
+
+    It tells which axis of the gyroscope fits each axis of the accelerometer. The result is a false
+    value if none fits better. `e` is the Evidence on a log: all that ingest knows about it.
+    """
     axes = e.faults["axes"]
     # a log in which one axis is given twice fits no mapping of the axes
     return axes and not e.faults["copies"] and axes["mapping"] and mapping_words(axes["mapping"])
@@ -310,9 +318,10 @@ CHECKS = [
 # a broken log may have a specific force of zero
 @np.errstate(all="ignore")
 def findings(evidence):
-    """Return the lines on the faults of a log for the user, {severity: list of str}.
+    """Return the lines on the faults of a log for the user, a dict of lists by severity.
 
-    `evidence` is the Evidence on the log. An `UNREADABLE` log has a single line.
+    `evidence` is the Evidence on the log: all that ingest knows about it. An `UNREADABLE` log has a
+    single line.
     """
     lines, done = {severity: [] for severity in SEVERITIES}, set()
     for check in CHECKS:

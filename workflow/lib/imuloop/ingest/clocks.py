@@ -52,11 +52,12 @@ def span(last, first, step, tick=1):
 class Clock:
     """The faults of the time stamps of a log that were mended, and how often each occurred.
 
-    `rollovers` is the number of roll-overs of the counter; its span `span_s`, s, is added at each.
-    `resets` is the number of times that the clock started again; the stamps then go on `FEW_STEPS`
-    usual steps after the last one. `strays` is the number of stamps that are later than at least
-    two of the next rows, while these go on from the rows before; they count as missing. `unpadded`
-    is the number of falls because parts of a second lack their leading zeros, which is not mended.
+    `rollovers` is the number of times that the counter starts again after its span `span_s`, s,
+    which is added at each. `resets` is the number of times that the clock starts again for another
+    reason; the stamps then go on `FEW_STEPS` usual steps after the last one. `strays` is the number
+    of stamps that are later than at least two of the next rows, while these go on from the rows
+    before; they count as missing. `unpadded` is the number of times that the stamps fall because
+    parts of a second lack their leading zeros, which is not mended.
     """
 
     rollovers: int = 0
@@ -102,7 +103,10 @@ class Clock:
         return x + np.cumsum(added), usable
 
     def span_in(self, tick):
-        """Return the span of the counter in units of `tick` ns; None if it did not roll over."""
+        """Return the span of the counter in units of `tick` ns; None if it did not roll over.
+
+        The counter starts again after its span.
+        """
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):

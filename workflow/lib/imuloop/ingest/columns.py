@@ -32,14 +32,15 @@ _SHOWN = 600
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of a log that are read.
+    """Which columns of a log are read, and for what.
 
-    `raw` maps the name of a column of the RawLog to its position in the log, from 0. The first
-    `stamps` of these columns hold time stamps or counters: ``stamp``, ``interval.SENSOR``, the
-    interval of a sensor's increments, ``pps.counter``, ``pps.time``, and the columns declared as
-    ``others``. `places` has the positions of the columns of each quantity, a tuple, and `units` the
-    units that the log states, by quantity. If the time has two columns, they hold whole seconds and
-    parts of a second in units of `part_ns` ns. `turned` are the axes whose sign is changed.
+    `raw` maps the name of a column of the RawLog, the log as it is read, to its position in the
+    file, from 0. The first `stamps` of these columns, a number, hold time stamps or counters:
+    ``stamp``, ``interval.SENSOR``, the interval of a sensor's increments, ``pps.counter``,
+    ``pps.time``, and the columns declared as ``others``. `places` has the positions of the columns
+    of each quantity, a tuple, and `units` the units that the log states, by quantity. If the time
+    has two columns, they hold whole seconds and parts of a second in units of `part_ns` ns.
+    `turned` are the axes whose sign is changed.
     """
 
     raw: dict
@@ -63,7 +64,7 @@ class Columns:
 
 
 def resolve(names, declared=None, headed=True, units=()):
-    """Return the `Columns` that hold time, acceleration, angular rate and temperature.
+    """Return the `Columns` of a log that hold time, acceleration, angular rate and temperature.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def resolve(names, declared=None, headed=True, units=()):
     headed : bool, optional
         Whether the names are from the log. Otherwise columns have to be declared by number.
     units : sequence of str, optional
-        Unit of each column, empty if the log states none beside the names.
+        Unit of each column, empty if the log states none outside of the names.
 
     Raises
     ------
@@ -198,12 +199,13 @@ def _stated_units(places, names, units, increments):
 
 
 def _intervals(declared, names, headed, usual, increments):
-    """Return the position of the column with the interval of each sensor's increments.
+    """Return the position of the column with the interval of each sensor's increments, a dict.
 
-    The result is a dict by ``interval.SENSOR``, empty if no interval is logged. `declared` are the
-    declared columns by quantity, `names` the names of all columns, and `headed` tells whether the
-    log has names. `usual` are the positions of columns with usual names of an interval.
-    `increments` has the name of the increments of each sensor that logs them.
+    An increment is the integral of a sensor's output over a short interval. The keys are
+    ``interval.SENSOR``; the dict is empty if no interval is logged. `declared` are the declared
+    columns by quantity, `names` the names of all columns, and `headed` tells whether the log has
+    names. `usual` are the positions of columns with usual names of an interval. `increments` has
+    the name of the increments of each sensor that logs them.
     """
     interval = declared.get("interval")
     if "interval" not in declared and increments:
@@ -250,9 +252,9 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position, from 0, of the column that is declared for a quantity.
 
-    `value` is the name of the column or its position; a log that is not `headed`, which has no
-    header, has numbers as names. Raises an ImuloopError, which names the key, if there is no such
-    column.
+    `quantity` is the name of the quantity, `value` the name of the column or its position, and
+    `names` the names of all columns. A log that is not `headed`, which has no header, has numbers
+    as names. Raises an ImuloopError, which names the key of the config, if there is no such column.
     """
     value = without_sign(value, names) if quantity in SENSORS else value
     number, count = isinstance(value, int), names.count(str(value))

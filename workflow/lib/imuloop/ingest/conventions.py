@@ -43,16 +43,16 @@ def _frame(turn, angle):
 def convention_faults(reference, t, w, declared):
     """Return reasons why attitudes of a reference do not fit the angular rate, and fitted axes.
 
-    Both conventions and both orders of the quaternion are tried, so that the reason can name the
-    ones that fit. A wrong order may look like other axes of the world; `place_faults` tells them
-    apart.
+    The convention says what a quaternion rotates to what. Both conventions and both orders of the
+    quaternion are tried, so that the reason can name the ones that fit. A wrong order may look like
+    other axes of the world; `place_faults` tells the two apart.
 
     Parameters
     ----------
     reference : Reference
         Attitudes as declared.
     t, w : array
-        Time of the samples, s, (n,), and angular rate, rad/s, (n, 3).
+        Time of n samples, s, (n,), and their angular rates, rad/s, (n, 3).
     declared : str
         Convention, "body_to_world" or "world_to_body".
 

@@ -26,14 +26,17 @@ def check_unpacked(packed, unpacked):
 
 
 def read_whole(name, form, paths, columns=None):
-    """Return the RawLog of a file; raise a RejectedLog if the library of its format fails.
+    """Return the RawLog of a file, or raise a RejectedLog with a remedy if it is damaged.
 
-    A package that is missing becomes an `ImuloopError` with the command that installs it.
+    A file counts as damaged if the library of its format fails. A package that is missing becomes
+    an `ImuloopError` with the command that installs it.
 
     Parameters
     ----------
-    name, form : str, LogFormat
-        Name of the format, and the format with its reader and the remedy for a broken file.
+    name : str
+        Name of the format.
+    form : LogFormat
+        The format with its reader and the remedy for a damaged file.
     paths : dict
         Path of the file under the key ``log``.
     columns : dict, optional

@@ -172,8 +172,8 @@ def text_columns(source, layout, positions, log, stamps):
 def _joined(batches):
     """Return the columns of a text table, a dict of Arrow arrays by name.
 
-    `batches` is pyarrow's reader of its blocks. A column of numbers grows in its place, so that no
-    memory is used twice.
+    `batches` is pyarrow's reader of the blocks of the table. A column of numbers grows in its
+    place, so that no memory is used twice.
     """
     fields, count = {field.name: field.type for field in batches.schema}, 0
     numbers = {name: np.empty(0) for name, kind in fields.items() if kind == pa.float64()}
@@ -213,8 +213,9 @@ def _stamp_kind(layout, at):
 def _blocks(source, layout, weights):
     """Yield the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
 
-    `source` is the path of the table or its text as bytes, and `layout` its Layout. The `_weight`
-    of each block, bytes, is appended to the list `weights`. Comments are left out.
+    `source` is the path of the table or its text as bytes, and `layout` its Layout. The number of
+    bytes of each block, as `_weight` counts it, is appended to the list `weights`. Comments are
+    left out.
     """
     lines, skipped = b"", layout.start
     # an empty part marks the end

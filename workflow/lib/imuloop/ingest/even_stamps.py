@@ -147,8 +147,9 @@ def _line(rows, t):
 def _by_clock(rows, t, packets):
     """Return the `Even` samples by the sensor's clock; None if the time stamps show no clock.
 
-    `rows` and `t` are number and time, s, of each row, or of the first row of each packet, (n,).
-    `packets` is the result of `packet_step`, None if rows do not come in packets.
+    `rows` and `t` are number and time, s, of each of n rows, (n,); if rows come in packets that
+    share a time stamp, of the first row of each packet. `packets` is the result of `packet_step`,
+    None if rows do not come in packets.
 
     Returns
     -------
@@ -157,7 +158,7 @@ def _by_clock(rows, t, packets):
     width : float
         Width of the scatter of the time stamps about the clock, in steps of the sensor.
     beat : bool
-        Whether samples are missing because a host polls faster than the sensor.
+        Whether samples are missing because a host polls faster than the sensor samples.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)

@@ -41,7 +41,7 @@ class Declared:
     gravity: float = STANDARD_GRAVITY
 
     def of_log(self):
-        """Return the declared keys about the log itself, a dict as in the config."""
+        """Return the declared keys about the log itself, a dict as in the config, as ``units``."""
         names = ("format", "columns", "units", "rate", "full_scale")
         return {name: value for name in names if (value := getattr(self, name))}
 
@@ -102,7 +102,7 @@ class Evidence:
 
     @property
     def faults(self):
-        """The figures ``faults`` of the samples; empty for each name if they were not measured."""
+        """The figures ``faults`` of the samples; each name has an empty dict without them."""
         return self.figures["faults"] or defaultdict(dict)
 
     @property

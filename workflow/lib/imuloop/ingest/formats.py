@@ -35,7 +35,7 @@ class LogFormat:
 
     @property
     def module(self):
-        """Name of the module of the reader."""
+        """Name of the module of the reader, such as ``delimited``."""
         return self.reader.partition(".")[0]
 
 

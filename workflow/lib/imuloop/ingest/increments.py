@@ -34,16 +34,17 @@ def are_by_stamps(rows):
 # stamps and values of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def rates(rows):
-    """Return the channels of increments of `Rows` divided by their intervals, SI, and three masks.
+    """Return the increments of a log divided by their intervals, SI, two masks, and the usual step.
 
-    The interval of a row is the logged one. If none is logged, it is the even step, or the step of
-    the time stamps that ends at the row. An increment covers one interval of the sensor, even if
-    rows before it are lost: after a gap its interval is the usual step.
+    An increment is the integral of a sensor's output over an interval. `rows` are the `Rows` of the
+    log. The interval of a row is the logged one. If none is logged, it is the even step, or the
+    step of the time stamps that ends at the row. An increment covers one interval of the sensor,
+    even if rows before it are lost: after a gap its interval is the usual step.
 
     Returns
     -------
     values : dict of str to array
-        Channels by name; not-a-number for a row without a readable interval.
+        Channels by name, (n,) each; not-a-number for a row without a readable interval.
     first, wide : array of bool, shape (n,)
         Masks of the rows at the start of the log, which have no interval, and of the rows that end
         a gap.

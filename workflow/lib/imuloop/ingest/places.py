@@ -39,9 +39,10 @@ _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 
 @contextmanager
 def read_in(place):
-    """Use the names of a place in the messages that the code of a ``with`` block makes.
+    """Within a ``with`` block, make messages name declarations as the user of `place` writes them.
 
-    `place` is `COMMAND_LINE` or `PYTHON`. In nested blocks the outermost place counts.
+    `place` is `COMMAND_LINE` or `PYTHON`, the place from which imuloop was called. In nested blocks
+    the outermost place counts.
     """
     token = _place.set(place if _place.get() == CONFIG else _place.get())
     try:
@@ -51,14 +52,15 @@ def read_in(place):
 
 
 def in_config():
-    """Return whether messages use the keys of a config, that is, outside of `read_in`."""
+    """Return whether messages name declarations as keys of a config: outside of `read_in`."""
     return _place.get() == CONFIG
 
 
 def for_reader(text):
-    """Return a message, `text`, with its keys as the user writes them in the current place.
+    """Return a message, `text`, with its keys as the user writes them: keys, options, arguments.
 
-    A message that already has this form does not change.
+    The block of `read_in` around the call decides. A message that already has this form does not
+    change.
     """
     place = _place.get()
     if place == CONFIG:
@@ -71,7 +73,7 @@ def for_reader(text):
 
 
 def _option(path, value, form):
-    """Return the option of the command line for a key, text.
+    """Return the option of the command line for a key of the config, text.
 
     `path`, `value` and `form` are the groups of a match of `_KEY`: the path of the key and its
     value, or the name of a key with any value; a missing group is None.

@@ -26,7 +26,7 @@ CLIPPED_SHARE = 0.98
 def measure(columns, raw_units, full_scale, absent=None):
     """Return the quality figures of samples, a dict as in quality.json.
 
-    Rows repeat the samples of a sensor with a slower clock; its figures use each sample once. A
+    If a sensor has a slower clock, rows repeat its samples; its figures use each sample once. A
     figure is None if the rows do not show it. ``faults`` is empty if the rate is not within
     `PLAUSIBLE_RATE`.
 
@@ -93,7 +93,7 @@ def time_figures(t):
 
 
 def _limits(full_scale):
-    """Return the magnitude from which on a sample is clipped, SI, a dict by channel.
+    """Return the magnitude from which on a sample counts as clipped, SI, a dict by channel.
 
     `full_scale` is the full scale by quantity, SI; channels without one are left out.
     """
@@ -121,7 +121,9 @@ def _range(x):
 def _faults(columns, raw_units, absent, figures):
     """Return the entry ``faults`` of quality.json, a dict: the faults of the values of samples.
 
-    `figures` are the other quality figures; the other arguments are as in `measure`.
+    `columns` are the samples, (n,) by name, `raw_units` the unit of each sensor in the log, and
+    `absent` the quantity of a sensor that the log lacks, or None. `figures` are the quality figures
+    that `measure` has so far.
     """
     t, x, padding = columns[TIME], {**columns}, True
     faults = {

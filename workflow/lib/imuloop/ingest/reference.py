@@ -163,14 +163,14 @@ def _on_clock(reference, t, w):
 
 
 def _without_swaps(reference, t, w, frame):
-    """Return the Reference without attitudes in which one marker is taken for another, and counts.
+    """Return a Reference without attitudes in which one marker is taken for another, and counts.
 
-    Let q be the attitude of the reference and G the attitude by the gyroscope. Then q Gᵀ drifts
+    Let q be the attitude of the `reference` and G the attitude by the gyroscope. Then q Gᵀ drifts
     slowly. While markers are swapped, q Gᵀ is off its running median over `BLOCK` s by more than
-    `SWAPPED`. Such attitudes and places become not-a-number. The counts are ``swaps`` and
-    ``swapped``, the number of attitudes, a dict. `t` are the times of the samples, s, (n,), `w`
-    their angular rates, rad/s, (n, 3), and `frame` rotates from the axes of the sensor to the axes
-    of the reference.
+    `SWAPPED`, rad. Such attitudes and places become not-a-number. The counts are a dict: ``swaps``,
+    how often this begins, and ``swapped``, the number of attitudes. `t` are the times of n samples,
+    s, (n,), `w` their angular rates, rad/s, (n, 3), and `frame` rotates from the axes of the sensor
+    to the axes of the reference, (3, 3).
     """
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
@@ -194,8 +194,8 @@ def _without_swaps(reference, t, w, frame):
 def _noise(reference):
     """Return the standard deviations of the white noise of a Reference, a dict.
 
-    The key ``orientation`` is for the attitude, rad, and ``position`` for the place, m; it is None
-    if there are too few places.
+    `reference` is the Reference. The key ``orientation`` is for the attitude, rad, and ``position``
+    for the place, m. With too few samples the first is 0 and the second None.
     """
     t, has_attitude, has_place = reference.t, reference.has_attitude, reference.has_place
     attitude = Rotation.from_quat(reference.q[has_attitude], scalar_first=True)

@@ -65,11 +65,15 @@ def angle_between(u, v):
 def measure_rests(means, step, guess=None):
     """Return figures of the stops, the entry ``rests`` of quality.json; None if there is no stop.
 
+    A stop is a few neighbouring windows of `WINDOW` s that are quiet and have one attitude.
+
     Parameters
     ----------
     means : array, shape (6, m)
-        Specific force, m/s^2, and angular rate, rad/s, as means over `step` s; not-a-number at a
-        gap.
+        Specific force x, y, z, m/s^2, and angular rate x, y, z, rad/s: m successive means.
+        Not-a-number at a gap.
+    step : float
+        Time over which each mean is taken, s.
     guess : float, optional
         First estimate of the scale k of the angular rate, by `fit_axes`.
     """

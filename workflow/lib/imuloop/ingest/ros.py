@@ -52,10 +52,11 @@ def read(paths, columns=None):
 
 
 def _link(path, target):
-    """Make a link to the bag at `path` under a name that the library can open; return its path.
+    """Make a link to a bag of ROS under a name that the library can open; return the link's path.
 
-    The path of the link is `target` with the ending that the first bytes of the bag show. The
-    library turns a path into an address, in which some names would have to be quoted.
+    `path` is the path of the bag. The path of the link is `target` with the ending that the first
+    bytes of the bag show. The library turns a path into an address, in which some names would have
+    to be quoted.
     """
     if path.is_file():
         with open(path, "rb") as file:

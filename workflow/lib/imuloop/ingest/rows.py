@@ -94,7 +94,10 @@ class Rows:
 
     @property
     def number(self):
-        """Number of the sample in each row, (n,); a row that is written twice is one sample."""
+        """Number of the sample in each row, (n,), from 0.
+
+        A row that is written twice is one sample.
+        """
         return np.arange(len(self.x)) - self.same.cumsum()
 
     @property
@@ -114,7 +117,7 @@ class Rows:
 
     @property
     def time_unit(self):
-        """Unit of the time stamps, in words."""
+        """Unit of the time stamps, text; without time stamps it is the declared step."""
         if not self.stamped:
             return f"1/({self.declared.rate:g} Hz)"
         unit = "ISO 8601" if self.dates else self.units["time"]
@@ -168,7 +171,11 @@ class Rows:
         self.before[0] = self.origin - 1
 
     def _make_even(self):
-        """Make the time stamps even if the sensor samples evenly, or spread the rows of packets."""
+        """Make the time stamps even, or spread them within packets, if the log needs it; in place.
+
+        They are made even if the sensor samples evenly but a host stamps its samples unevenly.
+        Otherwise they are spread if rows come in packets, which share a time stamp.
+        """
         whole = self.usable & self.inside
         for name in CHANNELS:
             whole &= np.isfinite(self.values[name])

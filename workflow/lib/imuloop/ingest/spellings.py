@@ -190,14 +190,15 @@ def unit_of(quantity, places, names, increments=False):
 
 
 def names_device(name):
-    """Return whether a column with this name tells the device of each row."""
+    """Return whether a column called `name` tells the device of each row, as ``sensor_id`` does."""
     return _plain(name) in TABLE["device"]
 
 
 def increment_name(quantity, name):
-    """Return the name in the table by which a column holds increments of a sensor, or None.
+    """Return the known name of increments that the name of a column shows, or None.
 
-    `quantity` is the quantity of the sensor, and `name` the name of the column.
+    An increment is the integral of a sensor's output. `quantity` is the quantity of the sensor, and
+    `name` the name of the column.
     """
     match = _match(quantity, name)
     return match.name if match and match.kind == _INCREMENTS else None

@@ -79,11 +79,12 @@ def without_spikes(samples):
 def find_spikes(x, steps):
     """Return the spikes on a single channel, (2, k) of int, and on several channels, (2, l) of int.
 
-    Each spike is a pair: number of the channel, number of the row. A sample v is a spike if
+    Each of the k or l spikes is a column of two: number of the channel, number of the row. A sample
+    v is a spike if
 
         |v - c| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q).
 
-    c is the value of the cubic through NEAR samples on each side, and d the largest distance of
+    c is the value of the cubic fitted to NEAR samples on each side, and d the largest distance of
     these samples from the cubic. s is the standard deviation of the noise: each sample within REACH
     has a distance from the cubic through two samples on each side of it, and s is the median of
     these distances over 0.6745. q is the quantisation step. If other channels move in the same row,

@@ -55,10 +55,10 @@ def parse_stamps(text):
 
 
 def stamp_array(column):
-    """Return a column of stamps of any type as int64, float64 or timestamp[ns].
+    """Return a column of time stamps of any type as int64, float64 or timestamp[ns].
 
-    A date outside of `YEARS` becomes null; if all dates are outside, they keep their unit. Raises a
-    RejectedLog for stamps of 2^63 and more.
+    `column` is an Arrow array. A date outside of `YEARS` becomes null; if all dates are outside,
+    they keep their unit. Raises a RejectedLog for stamps of 2^63 and more.
     """
     kind = column.type
     if pa.types.is_dictionary(kind):

@@ -32,7 +32,7 @@ class Stream:
 
     @property
     def names(self):
-        """Names of the fields as messages show them."""
+        """Names of the fields as messages to the user show them, a list."""
         return [*map(one_line, self.fields)]
 
     def measures(self, quantity):
@@ -122,7 +122,8 @@ def raw_log(streams, columns=None, notes=(), damage=()):
 def names_in(columns):
     """Return the names of topics or messages that declared columns may mean, a set.
 
-    These are all words in the declaration, with and without the number of an instance at the end.
+    `columns` are the declared columns by quantity, or None. The names are all words in them, with
+    and without the number of an instance at the end.
     """
     words = re.findall(r"\w+", str(columns or ""))
     return {*words, *(re.sub(r"_\d+\Z", "", word) for word in words)}

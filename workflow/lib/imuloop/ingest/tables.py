@@ -120,10 +120,10 @@ def doubles(column):
 
 
 def _without_turns(log):
-    """Return a RawLog whose rows hold both sensors.
+    """Return a RawLog whose rows hold both sensors, from one whose rows may hold them in turn.
 
-    If the rows of `log` hold the two sensors in turn, the rows of each sensor are a log, and these
-    two logs are joined. Otherwise the result is `log`.
+    If the rows of `log` hold the accelerometer and the gyroscope in turn, the rows of each sensor
+    are a log, and these two logs are joined. Otherwise the result is `log`.
     """
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log

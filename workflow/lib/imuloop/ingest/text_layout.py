@@ -120,7 +120,7 @@ def find_layout(source, least=LEAST):
 
 
 def parts_of(source, size):
-    """Yield the text of a file, unpacked, in parts of `size` bytes.
+    """Yield the content of a file, unpacked if it is compressed, in parts of `size` bytes.
 
     `source` is the path of the file, or its content as bytes. Raises a RejectedLog if the file
     cannot be read to its end.

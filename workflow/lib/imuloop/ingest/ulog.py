@@ -83,9 +83,9 @@ def _sensor_id(quantity, data, parameters):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that notes whether it ended inside a message, `cut`.
+    """A file in memory that notes in `cut` whether it ended inside a message.
 
-    Damage can lead the library in circles. So an error ends the reading once it has read
+    Damage can lead the library in circles. So an error ends the reading once the library has read
     `_MOST_TIMES` times the size of the file.
     """
 
