@@ -101,9 +101,10 @@ class Pair(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if both sensors have the same file.
+        """Yield (path, text) for the fault that both sensors have the same file, if it exists.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of the pair as
+        written; `context` is not used.
         """
         one, other = map(keys.get, SENSORS)
         if one is not None and one == other:

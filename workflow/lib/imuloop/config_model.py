@@ -187,9 +187,10 @@ class Device(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault for each wrong range, and for each session in counts without a scale.
+        """Yield (path, text) for each wrong range, and for each session in counts without a scale.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of the device as
+        written; `context` is not used.
         """
         sensor, ranges = keys.get("sensor", ""), keys.get("range", {})
         nominal = keys.get("nominal", {})
@@ -237,9 +238,10 @@ class Config(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield the faults of the folders `mirror` and `cache`.
+        """Yield (path, text) for each fault of the folders `mirror` and `cache`.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of the config as
+        written; `context` is not used.
         """
         mirror, cache = keys.get("mirror") or "", keys.get("cache") or ""
         if mirror and not os.path.isdir(mirror):

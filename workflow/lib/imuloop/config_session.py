@@ -126,9 +126,10 @@ class Marks(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if only one of the two columns of marks in the log is given.
+        """Yield (path, text) if only one of the two columns of marks in the log is given.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of ``pps`` as
+        written; `context` is not used.
         """
         columns = {"counter", "time"}
         for key in columns - {*keys} if keys and {*keys} < columns else ():
@@ -212,9 +213,10 @@ class Section(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault if neither the angle nor the rate is given.
+        """Yield (path, text) if neither the angle nor the rate of the turn is given.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of the section as
+        written; `context` is not used.
         """
         if not {"angle", "rate"} & {*keys}:
             yield ("angle",), "missing; give an angle or a rate"
@@ -277,9 +279,10 @@ class Session(Keys):
 
     @classmethod
     def faults(cls, keys, context):
-        """Yield a fault for each key that this kind of session lacks, or cannot have.
+        """Yield (path, text) for each key that this kind of session lacks, or cannot have.
 
-        The arguments are as in `Keys.faults`.
+        The path is a tuple of keys that lead to the fault. `keys` are the keys of the session as
+        written; `context` is not used.
         """
         kind = keys.get("kind")
         instead = {"axis", "angle"} if "sections" in keys else {*()}

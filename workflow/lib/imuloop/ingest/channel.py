@@ -58,9 +58,9 @@ def quantisation_step(x):
 
 
 def blocks(x):
-    """Return the samples x, (n,), cut into blocks of `BLOCK` rows, (n // BLOCK, BLOCK).
+    """Return n samples cut into blocks of `BLOCK` rows, (n // BLOCK, BLOCK).
 
-    Rows at the end that do not fill a block are left out.
+    `x` are the samples, (n,). Rows at the end that do not fill a block are left out.
     """
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 

@@ -103,9 +103,9 @@ class Clock:
         return x + np.cumsum(added), usable
 
     def span_in(self, tick):
-        """Return the span of the counter in units of `tick` ns; None if it did not roll over.
+        """Return the span of the counter, after which it starts again, in units of `tick` ns, or None.
 
-        The counter starts again after its span.
+        The result is None if the counter did not start again in the log.
         """
         return self.span_s and round(self.span_s * 1e9) // tick
 

@@ -29,11 +29,12 @@ class Counts:
 
     Each row that is dropped is counted once, under the first fault that applies. `identical` rows
     repeat the row before in time stamp and all values. `reasons` are lines on why a log cannot be
-    used. `is_gravity` and `in_two_units` are results of `misread`. `increments`, `pps` and `logged`
-    are entries of quality.json on increments, 1PPS marks and rebuilt time stamps, or None;
-    `rebuilt` is the line on rebuilt time stamps for the user. `start_ns` is the time of the first
-    sample, ns since 1970, None if the time stamps are not dates. `begin_s` is the time from the
-    first time stamp of the log, `origin`, to the first sample, s.
+    used. `is_gravity` is true if the angular rate holds gravity, and `in_two_units` describes a
+    sensor whose samples are logged twice, or is None. `increments`, `pps` and `logged` are entries
+    of quality.json on increments, 1PPS marks and rebuilt time stamps, or None; `rebuilt` is the
+    line on rebuilt time stamps for the user. `start_ns` is the time of the first sample, ns since
+    1970, None if the time stamps are not dates. `begin_s` is the time from the first time stamp of
+    the log, `origin`, to the first sample, s.
     """
 
     reasons: list = field(default_factory=list)

@@ -90,8 +90,10 @@ def read_series(path, log_format, columns):
 def _read(files, declared, session, counts):
     """Return a Reference from its file, with times from the first sample of the log, and figures.
 
-    The figures are numbers of rows, of lost attitudes and of rows out of order, a dict. The
-    arguments are as in `beside`. Raises an ImuloopError for a declaration that does not fit.
+    The figures are numbers of rows, of lost attitudes and of rows out of order, a dict. `files` are
+    the paths of the files by role; without the role ``reference``, the log holds the reference.
+    `declared` and `session` are the keys of the config about the reference and about the log, and
+    `counts` are the Counts of the log. Raises an ImuloopError for a declaration that does not fit.
     """
     path, units = files.get("reference", files.get("log")), declared.get("units") or {}
     in_log = str(path) == str(files.get("log"))

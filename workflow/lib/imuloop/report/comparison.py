@@ -187,8 +187,10 @@ def cells(summary, sensor):
 def _cell(largest, limit, logged, floor, prior, display):
     """Return the Cell of one quantity in the table that compares devices.
 
-    `largest`, `limit`, `logged`, `floor` and `prior` are the five `Value` of the quantity, as
-    `pivot` returns them. `display` is the Display of the column, the unit to show.
+    The arguments but the last are `Value` or None, as `pivot` returns them: the `largest` value of
+    the axes; an upper `limit` of an axis above it; the noise as `logged`; the `floor` of a
+    residual; and `prior`, the tolerance or noise by the data sheet. `display` is the Display of the
+    column, the unit to show.
     """
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:

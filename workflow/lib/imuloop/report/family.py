@@ -107,10 +107,8 @@ def spread_table(family):
 def odd_table(family, labels):
     """Return the Table of the odd devices of a type, which differ from its other devices.
 
-    A row is a device and the parameter in which it differs.
-
-    `family` is the content of family.json for the type. `labels` are the labels of all devices in
-    the report, by name.
+    A row is a device and the parameter in which it differs. `family` is the content of family.json
+    for the type. `labels` are the labels of all devices in the report, by name.
     """
     by_name, rows = parameters(), []
     for odd in family["odd"]:

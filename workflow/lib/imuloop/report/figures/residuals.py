@@ -78,7 +78,8 @@ def against(name, table):
     """Return the quantities over which residuals are drawn, such as time and angle, a dict.
 
     The keys are the names of columns of the CSV file. A value is a tuple: a label with a unit, and
-    the numbers, (n,). `name` is the name of the residual, and `table` has the n rows of `rows_of`.
+    the numbers, (n,). `name` is the name of the residual, and `table` has n rows with this
+    residual, each a pose, a move or a window that is compared with a reference.
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())

@@ -160,9 +160,9 @@ def _picture(device, session, sensor, t):
         area.plot(x / size, (np.asarray(y) - middle[axis]) * display.factor, **looks)
 
     def plot(areas):
-        """Draw each axis on its own Axes, or all axes of a moving record on one.
+        """Draw each axis on its Axes, or all axes of a moving record on one.
 
-        `areas` is the list or it.
+        `areas` is a list of three Axes, x, y and z, for a record at rest, else one Axes.
         """
         areas = areas if resting else [areas] * 3
         for area in dict.fromkeys(areas):
