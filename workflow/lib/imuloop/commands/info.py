@@ -111,8 +111,8 @@ def calibration_lines(calibration):
 def noise_lines(content, data_sheet=None):
     """Return the noise coefficients of a device as lines of text, a list.
 
-    `content` is the content of noise.json. `data_sheet` is the attribute of a `chain.Device` with
-    the typical white noise of its sensor, or None.
+    `content` is the content of noise.json. `data_sheet` is None or a dict: its key ``noise`` has
+    the typical white noise of the sensors, SI.
     """
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""

@@ -103,9 +103,9 @@ class Clock:
         return x + np.cumsum(added), usable
 
     def span_in(self, tick):
-        """Return the span of the counter, after which it starts again, in units of `tick` ns, or None.
+        """Return the span of the counter in units of `tick` ns; None if it did not roll over.
 
-        The result is None if the counter did not start again in the log.
+        A counter rolls over when it starts again at its least value, after its span.
         """
         return self.span_s and round(self.span_s * 1e9) // tick
 

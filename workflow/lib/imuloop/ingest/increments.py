@@ -75,8 +75,8 @@ def rates(rows):
 def figures(rows, counts, usual):
     """Return the entry ``increments`` of quality.json, a dict; None if the log holds no increments.
 
-    `rows` are the `Rows` of the log, `counts` their `Counts`, and `usual` is the usual step of the
-    time stamps, s.
+    An increment is the integral of a sensor's output over a short interval. `rows` are the `Rows`
+    of the log, `counts` their `Counts`, and `usual` is the usual step of the time stamps, s.
     """
     sensors = {sensor: rows.units[sensor] for sensor in factors(rows.units)}
     if "interval" in rows.log.names:

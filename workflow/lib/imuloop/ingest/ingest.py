@@ -264,8 +264,8 @@ def _write(samples_path, quality_path, samples, content, origin, who):
     """Write the samples and the quality of a session to `samples_path` and `quality_path`.
 
     `samples`, `content` and `origin` are the results of `check`. `who` is a dict of the names of
-    the device and the session, and its kind. Channels are written with a dictionary, because they
-    have few different values; times are not.
+    the device and the session, and its kind. Channels are written with dictionary encoding, because
+    they have few different values; times are not.
     """
     origin = who | origin
     of_levels = [name for name in samples if name in (*CHANNELS, TEMPERATURE)]

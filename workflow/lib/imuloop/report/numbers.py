@@ -140,10 +140,10 @@ def value_text(value, std, upper95=None, factor=1.0):
 
 
 def coefficient_text(coefficient, factor=1.0):
-    """Return a noise `Coefficient` as text: ``value ± σ``, or "< limit" if it has no value.
+    """Return a noise coefficient as text: ``value ± σ``, or "< limit" if it has no value.
 
-    The limit is its 95 % upper limit. `factor` converts its numbers from SI to the unit that is
-    shown.
+    `coefficient` is a `Coefficient`, and the limit is its 95 % upper limit. `factor` converts its
+    numbers from SI to the unit that is shown.
     """
     return value_text(coefficient.value, sigma_of(coefficient), coefficient.upper95, factor)
 

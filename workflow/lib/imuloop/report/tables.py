@@ -73,10 +73,10 @@ def parameter_table(device, sensor):
 
 
 def misalignment_table(device, sensor):
-    """Return the Table of the misalignment matrix of a sensor, by the final calibration.
+    """Return the Table of the misalignment matrix of a sensor ± 1 σ, by the final calibration.
 
-    `device` is a DeviceResults, and `sensor` the name of the sensor. The result is None if no
-    misalignment was estimated.
+    An element is how much of a column's axis appears on a row's axis. `device` is a DeviceResults,
+    and `sensor` the name of the sensor. The result is None if no misalignment was estimated.
     """
     values = select(calibration_values(device.calibrations), stage="final", sensor=sensor)
     values = select(values, quantity="misalignment")
