@@ -62,8 +62,8 @@ def calibrate(
         Time stamps, s, of the arrays that follow; or one or several logs in which the device rests
         in many attitudes. A log is a path, a DataFrame, a tuple of arrays
         ``(t, acceleration, angular_rate[, temperature])``, or a mapping of ``acceleration`` and
-        ``angular_rate`` to a path or a DataFrame each. It may also be an array, (n, k), of n samples
-        with k columns, if `columns` names its columns by number from 0.
+        ``angular_rate`` to a path or a DataFrame each. It may also be an array, (n, k), of n
+        samples with k columns, if `columns` names its columns by number from 0.
     acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
         Specific force, m/s^2, and angular rate, rad/s, or in the declared `units`. Without `t` they
         are arrays at the sampling rate `rate`, or a path or DataFrame for each sensor, with its own

@@ -31,7 +31,7 @@ def file_fault(path, replicas, folder=False):
     path : str
         The path as the config names it.
     replicas : dict of str to list of str
-        Sessions by name of each simulated device, a replica, that the workflow can make.
+        Names of the sessions of each replica, a simulated device that the workflow can make.
     folder : bool, optional
         Whether the path may be a folder, whose files are inputs.
     """

@@ -26,20 +26,22 @@ SWAPPED, BLOCK = 0.2, 2.0
 def beside(samples, files, declared, session, counts):
     """Return a reference at the times of n samples, its figures, and reasons against its use.
 
-    The first result has the columns `ORIENTATION` (body to world) and `POSITION`, (n,) each, a dict
-    by name. They are not-a-number where the reference was lost. The second is the entry
-    ``reference`` of quality.json. The third is a list of reasons why the reference cannot be used;
-    if there are any, the first result is empty.
+    The first result has the columns `ORIENTATION` (quaternion, body to world) and `POSITION`, m,
+    (n,) each, a dict by name. They are not-a-number where the reference was lost. The second is the
+    entry ``reference`` of quality.json. The third is a list of reasons why the reference cannot be
+    used; if there are any, the first result is empty.
 
     Parameters
     ----------
     samples : dict
-        Columns of the session's samples.
+        Columns of the session's samples, (n,) by name.
     files : dict
         Path of each file by its role; without the role ``reference``, the log holds the reference.
-    declared, session : dict
-        Keys of the config about the reference and about the log: ``format``, ``columns``,
-        ``units``, ``convention``, ``rate``.
+    declared : dict
+        Keys of the config about the reference: ``format``, ``columns``, ``units``, ``convention``,
+        ``rate``.
+    session : dict
+        Keys of the config about the log: ``format``, ``columns``, ``units``, ``rate``.
     counts : Counts
         Counts of the log, which have the time of the first sample, ``start_ns`` and ``begin_s``,
         and the first time stamp, ``origin``.

@@ -90,8 +90,9 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
 def _unit_of_stamps(log):
     """Return the tick of the time stamps of a log and their unit; None if the unit is not clear.
 
-    `log` is the RawLog. A stamp times the tick, a factor, is in the unit. The unit is clear if the
-    stamps are Unix time in a finer unit than s, at a plausible rate, or ticks of Xsens.
+    The tick is a factor: stamps multiplied by it are in the unit. `log` is the RawLog. The unit is
+    clear if the stamps are Unix time in a finer unit than s, at a plausible rate, or ticks of
+    Xsens.
     """
     name = log.names.get("time")
     if "time" in log.units or not isinstance(name, str):
