@@ -78,7 +78,7 @@ def least_stuck(lengths):
 
 
 class Channel:
-    """The n samples of a channel, which last `duration` s, and their faults.
+    """The n samples of a channel, and their faults.
 
     A run is a number of successive rows with one value.
 
@@ -106,7 +106,7 @@ class Channel:
         Rows before an integer wraps around from one end of its range to the other.
     """
 
-    def __init__(self, x, step, duration):
+    def __init__(self, x, step):
         self.x, self.step = x, step
         self.low, self.high = np.fmin.reduce(x), np.fmax.reduce(x)
         self.width, self.changed = np.ptp(blocks(x), axis=1), x[1:] != x[:-1]
@@ -124,7 +124,7 @@ class Channel:
         self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
         same = pd.Series(alone).value_counts().max() if len(alone) > OFTEN * len(x) else 0
         self.failed_reads = int(same) if same > OFTEN * len(x) else 0
-        self.ends, self.wraps = self._saturated_ends(len(x) / duration), self._wraps()
+        self.ends, self.wraps = self._saturated_ends(), self._wraps()
 
     @property
     def is_silent(self):
@@ -135,13 +135,12 @@ class Channel:
         is_still = self.low < self.high and np.count_nonzero(self.width) < len(self.width) / 2
         return is_still and len(self.stuck) not in (1, 2)
 
-    def _saturated_ends(self, second):
+    def _saturated_ends(self):
         """Return the number of rows at each saturated end of the range, a dict by value, SI.
 
         An end is the least or the largest sample. It is saturated if many rows are there and few at
         the next quantisation step, or if it is reached in flat tops, which no smooth motion has. A
-        single run of a second or more at an end is a stuck value instead. `second` is the number of
-        rows in a second.
+        value that lasts to the end of the log is a stuck value instead, unless other runs reach it.
         """
         ends, width = {}, self.step or np.finfo(float).tiny
         for value in sorted({self.low, self.high} - {0.0}) if self.low < self.high else ():
@@ -149,8 +148,9 @@ class Channel:
             rows = np.count_nonzero(away < 0.5 * width)
             beside = np.count_nonzero(away < 1.5 * width) - rows
             is_cut = self.is_fine and rows**2 > CUT_TAIL * max(beside, 1)
-            runs = [count for start, count in self.stuck if self.x[start] == value]
-            is_stuck = len(runs) == 1 and runs[0] >= max(second, MOST * rows)
+            start, count = self.stuck[-1] if self.stuck else (0, 0)
+            to_end = self.x[start] == value and start + count == len(self.x)
+            is_stuck = to_end and count >= MOST * rows
             if not is_stuck and (is_cut or (self.tops == value).any()):
                 ends[float(value)] = rows
         return ends

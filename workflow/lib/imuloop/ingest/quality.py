@@ -144,8 +144,8 @@ def _faults(columns, raw_units, absent, figures):
         faults["zero_rows"][quantity] = 0 if quantity == absent else int(np.count_nonzero(padding))
         if padding.any():
             x |= {name: np.where(padding, np.nan, x[name]) for name in axes}
-        steps, duration = figures["quantisation_step"], figures["duration_s"]
-        channels = {name: Channel(x[name][rows], steps[name] or 0.0, duration) for name in axes}
+        steps = figures["quantisation_step"]
+        channels = {name: Channel(x[name][rows], steps[name] or 0.0) for name in axes}
         silent = [name for name, c in channels.items() if c.is_silent]
         alone = channel.count_alone(zero[rows])
         for name, c in channels.items():
