@@ -143,10 +143,10 @@ def allan_curve(stretches, rate, settings):
 def averaging_factors(length, settings):
     """Return the averaging times of an Allan curve as numbers of samples, (k,) of int.
 
-    A factor is such a number: the averaging time over the sampling interval. The factors ascend
-    from 1 in about equal steps of the logarithm. `length` is the number of samples of the longest
-    stretch of the record. `settings`, NoiseSettings, have the number of factors per decade, and the
-    largest factor as a share of `length`. The array is empty if the stretch is too short.
+    A factor is an averaging time divided by the sampling interval. The factors ascend from 1 in
+    about equal steps of the logarithm. `length` is the number of samples of the longest stretch of
+    the record. `settings`, NoiseSettings, have the number of factors per decade, and the largest
+    factor as a share of `length`. The array is empty if the stretch is too short.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -156,12 +156,13 @@ def averaging_factors(length, settings):
 
 
 def term_counts(factors, length):
-    """Return the number of overlapping terms of the Allan variance in a stretch, its weight.
+    """Return the number of overlapping terms of the Allan variance in a stretch of samples.
 
-    A term is the difference of the means of two adjoining groups of m samples. `factors` are the
-    numbers m, and `length` is the number of samples of the stretch. Both may be arrays, which are
-    broadcast against each other; the result has their common shape. It is 0 where there are fewer
-    than two terms.
+    The number is the weight of the stretch when the variances of several are pooled. A term is the
+    difference of the means of two adjoining groups of m samples. `factors` are the numbers m, and
+    `length` is the number of samples of the stretch. Both may be arrays, which are broadcast
+    against each other; the result has their common shape. It is 0 where there are fewer than two
+    terms.
     """
     count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
@@ -247,10 +248,11 @@ def degrees_of_freedom(variance, factors, lengths):
 def noise_exponents(variance, factors):
     """Return the type of noise at each averaging time, as an exponent of the spectrum, (k,) of int.
 
-    The power spectrum of the noise is proportional to the frequency to the power of the exponent,
-    one of `EXPONENTS`: 2 for quantisation, 0 for white noise, -1 for flicker and -2 for random
-    walk. The exponent follows from the slope of the Allan deviation on logarithmic scales. The
-    slope is measured between averaging times that are `REACH` times shorter and longer.
+    The degrees of freedom of the Allan variance depend on this type. The power spectrum of the
+    noise is proportional to the frequency to the power of the exponent, one of `EXPONENTS`: 2 for
+    quantisation, 0 for white noise, -1 for flicker and -2 for random walk. The exponent follows
+    from the slope of the Allan deviation on logarithmic scales. The slope is measured between
+    averaging times that are `REACH` times shorter and longer.
 
     `variance`, (k,), is the Allan variance at the averaging times `factors`, (k,), in samples. All
     exponents are 0, for white noise, if there are fewer than two points or if any variance is not

@@ -82,8 +82,9 @@ def _weighted(selection, weight, terms):
     `selection` is the Selection of one axis: the likelihood of its noise, and the choice of the
     terms. A row is a frequency or a band of frequencies (`Modes`). `weight`, shape (r,), multiplies
     the weights of the r rows, and then the terms are selected again. `terms` are those that were
-    selected before. There is one exception: only white noise shows a low-pass filter. So if the
-    Selection has a filter and the new terms lack white noise, the old terms are returned.
+    selected before. The results are the Selection with the new weights, and the new terms.
+    Exception: if the Selection has a low-pass filter and the new terms lack white noise, the old
+    terms are returned, because the filter is known only from its effect on white noise.
     """
     selection = selection.weighted(weight)
     kept = selection.low_pass and "N" not in selection.supported
@@ -130,7 +131,7 @@ def _strongest_line(signals, selection):
     compared with the spectrum of these terms. If a line has few periods, its power may have been
     fitted as noise, so that it does not stand out. So there is a second search: the highest peak
     relative to a flat spectrum is found, the terms are fitted without the frequencies near this
-    peak, and the peak is compared with the spectrum of this fit.
+    peak, and all peaks are compared with the spectrum of this fit.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)
@@ -151,7 +152,8 @@ def _density(selection):
     """Return the noise spectrum of one axis, by the supported terms of a Selection, as a function.
 
     `selection` is the Selection. The function takes frequencies, Hz, and returns the one-sided
-    power spectral density, SI^2/Hz. The density is never below the density of rounding.
+    power spectral density, SI^2/Hz. It is that of the fitted terms, but at least the density that
+    the rounding of numbers may cause.
     """
     dt, noise = selection.modes.dt, selection.noise(selection.supported)
     # no less than the density of rounding

@@ -123,10 +123,10 @@ def density(noise, f, rate):
     `noise` is the AxisNoise of the axis. `f` are k frequencies, (k,), Hz, above 0 and up to half
     the rate. r is the sampling rate of the output, `rate`, Hz. Q, N, B and K are the coefficients
     of quantisation, white noise, flicker and random walk. A Gauss-Markov process has the
-    coefficient q and the correlation time T, s; several processes add. The gain of a low-pass
-    filter multiplies all terms but the first. Sinusoids are left out: each has the power
-    :math:`\Omega^2/2` at a single frequency, with its amplitude :math:`\Omega`. The ramp is
-    deterministic and adds nothing.
+    coefficient q and the correlation time T, s; several processes add. If the noise has a low-pass
+    filter, its gain multiplies all terms but the first, because quantisation arises behind the
+    filter. Sinusoids are left out: each has the power :math:`\Omega^2/2` at a single frequency,
+    with its amplitude :math:`\Omega`. The ramp is deterministic and adds nothing.
 
     References
     ----------

@@ -44,8 +44,8 @@ def coefficients_with_intervals(selection, terms, n_factor=1.0):
         The supported terms: letters such as ``N``, and correlation times, s, of Gauss-Markov
         processes.
     n_factor : float
-        Factor by which the interval of N is longer on a logarithmic scale, because the corner of a
-        low-pass filter has an error, too. It is 1 without a filter.
+        Factor by which the interval of N is widened on a logarithmic scale, to allow for the error
+        of the corner of a low-pass filter; 1 without a filter.
     """
     wide = reduce(plus, [name for name in selection.candidates if name != "Q"], terms)
     fit, coefficients = selection.fit(terms), {}
@@ -73,8 +73,9 @@ def _profile(selection, model, name):
 
     The first result is a function of the logarithm of the coefficient, SI. Its value is the signed
     root ``±√(2 (L_max - L))``. L is the log-likelihood with this coefficient fixed and all others
-    fitted; L_max is its maximum. The sign is negative below the likeliest coefficient. So the value
-    is, in a normal approximation, the distance from the likeliest coefficient in standard errors.
+    fitted; L_max is the maximum of L. The sign is negative below the likeliest coefficient. So the
+    value is, in a normal approximation, the distance from the likeliest coefficient in standard
+    errors.
 
     The second result is the logarithm of the likeliest coefficient, or of its standard error if
     that is larger. A search for an end of an interval may begin there.
@@ -106,12 +107,12 @@ def _profile(selection, model, name):
 
 
 def _crossing(deviate, u, wanted):
-    """Return the noise coefficient, SI, at which its profile equals `wanted`; 0 if none is found.
+    """Return the noise coefficient, SI, at which a profile equals `wanted`; 0 if none is found.
 
     `deviate` is the function that `_profile` returns. It gives the distance from the likeliest
     coefficient, in standard errors, and rises with the logarithm of the coefficient. `wanted` is
-    such a distance, `LOW` or `HIGH` for the ends of a 95 % interval. The search begins at the
-    logarithm `u` of the coefficient.
+    such a distance: `LOW` or `HIGH` for an end of a 95 % interval, `LIMIT` or `EITHER` for an upper
+    limit. The search begins at the logarithm `u` of the coefficient.
     """
     rising = deviate(u) <= wanted
     for step in STEPS:
@@ -127,8 +128,8 @@ def _process(selection, terms, wide, tc):
 
     The term has coefficient and correlation time with 95 % intervals. Its values come from the fit
     of the supported `terms`, which include the process. The intervals come from the information
-    matrix of `wide`, a tuple of more terms. `selection` is the Selection, the likelihood of the
-    axis as a function of its terms.
+    matrix of `wide`, a tuple of these terms and of others that may be present. `selection` is the
+    Selection, the likelihood of the axis as a function of its terms.
     """
     fit = selection.fit(terms)
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times

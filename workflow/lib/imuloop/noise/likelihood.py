@@ -18,8 +18,8 @@ ROUNDING = 1e-13
 def weighted_nnls(units, target, weight):
     """Return the x, (p,), of weighted non-negative least squares: it minimises ``Σ w (y - U x)²``.
 
-    `units` is the matrix U, (r, p), whose columns may be of any size. `target` is y, (r,), and
-    `weight` is w, (r,). The sum is over the r rows. No element of x is negative.
+    `units` is the matrix U, (r, p), whose columns may differ much in magnitude. `target` is y,
+    (r,), and `weight` is w, (r,). The sum is over the r rows. No element of x is negative.
     """
     root = np.sqrt(weight)
     columns, size = _normalised(units * root[:, None])
@@ -29,7 +29,8 @@ def weighted_nnls(units, target, weight):
 def _normalised(columns):
     """Return a matrix with each column divided by its Euclidean norm, and the norms, (p,).
 
-    `columns` is the matrix, (r, p). A column of zeros stays as it is; its norm is given as 1.
+    So columns of different units lose no digits in a later solution. `columns` is the matrix, (r,
+    p), of r rows and p columns. A column of zeros stays as it is; its norm is given as 1.
     """
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
@@ -116,7 +117,7 @@ class Likelihood:
 
         In slow mode r, :math:`\rho_r` is the amplitude of a ramp of 1 SI/s, :math:`s_r` the
         expected mean square and :math:`w_r` the weight. The mean weight :math:`\bar w` is 1 if all
-        weights are.
+        weights are 1.
 
         The restricted likelihood is maximised if a ramp is fitted, and two models with a ramp are
         compared by it. A model with a ramp and one without are compared by the plain likelihood
@@ -131,7 +132,8 @@ class Likelihood:
         fixed : ndarray, shape (r,), or float
             Part of the expected mean squares that is known and not fitted, SI^2.
         start : ndarray, shape (p,), optional
-            Variances of the terms near the maximum, from which the fit begins.
+            Variances of the terms near the maximum, from which the fit begins; by default it begins
+            from a least-squares solution.
         close : float
             The fit ends when the log-likelihood grows by less than this in a round.
 
@@ -190,7 +192,8 @@ class Likelihood:
         A row is a slow mode or a bin of fast modes (`Modes`). `expected`, (r,), are the expected
         mean squares s of the rows, and `derivatives`, (r, p), their derivatives with respect to the
         parameters. A mean square of n values has the variance ``2 s²/n``, so the information of a
-        row about s is ``n/2s²``; with the weight w of the row it is ``w n/2s²``.
+        row about s is ``n/2s²``. With the weight w of the row, this information becomes ``w
+        n/2s²``.
         """
         # rows whose products add up to the information matrix: root of w n/2, over s
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
@@ -213,9 +216,9 @@ class Likelihood:
 
     @cached_property
     def floor(self):
-        """Mean square below which a row is only rounding, SI^2.
+        """Mean square, SI^2, that the rounding of numbers alone may leave in a row.
 
-        A row is a slow mode or a bin of fast modes.
+        A row is a slow mode or a bin of fast modes. A smaller mean square says nothing about noise.
         """
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 

@@ -105,7 +105,8 @@ def strongest_peak(signals, spectrum, level):
     spectrum : callable
         One-sided density of the noise, SI^2/Hz, as a function of frequency in Hz.
     level : float
-        Largest probability, in noise alone, of a peak as high at any frequency of any signal.
+        The peak counts only if noise alone would reach its height, at any frequency of any signal,
+        with at most this probability.
 
     Returns
     -------
@@ -150,9 +151,10 @@ def mains(frequency, rate):
     number and r the rate. It fits within 1.2 per mille of :math:`h f_0` to either side: 1 per mille
     is the wander of mains, and 200 ppm the error of the clock behind the time stamps, which scales
     all logged frequencies. There are two exceptions. A line whose frequency is smaller than this
-    tolerance is not named, since any slow line would fit. And a harmonic does not count if the
-    tolerance to both sides is more than 0.8 % of the band. A line at a random frequency is named
-    with a probability of 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
+    tolerance is not named, since any slow line would fit. And a harmonic is not considered if its
+    tolerance is 0.4 % of the sampling rate or more, since then many lines would fit by chance. A
+    line at a random frequency is named with a probability of 3 % at 100 and 200 Hz, 1 % at 1 kHz,
+    and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

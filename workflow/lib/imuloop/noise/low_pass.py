@@ -31,8 +31,9 @@ def choose_low_pass(selection):
 
     `selection` is the Selection: the likelihood of one axis, and the choice of its noise terms. A
     filter and a Gauss-Markov process may have similar spectra. So that neither is taken for the
-    other, each parameter has to raise the log-likelihood by `PRICE`. A filter has two parameters
-    (kind and corner), or three with a floor; a process has two, and any other term one.
+    other, models are compared, and each parameter of a model has to raise the log-likelihood by
+    `PRICE`. A filter has two parameters (kind and corner), or three with a floor; a process has
+    two, and any other term one. A filter also has to pass `_filters_white`.
     """
     modes, ramp = selection.likelihood, selection.fit((*NAMES, "R")).ramp
     # the fitted ramp is subtracted first, so that no fit of a filter has to fit it again
@@ -111,9 +112,9 @@ def _score(selection):
 def _filters_white(filtered):
     """Return whether white noise is most of the noise power at the corner of a filter.
 
-    Only then can the spectrum show the filter. The power in front of the filter counts. `filtered`
-    is a Selection with the filter and its noise terms. The result is also false if the corner is
-    below the lowest of `CORNERS`.
+    Only then can the spectrum show the filter. The powers are those in front of the filter.
+    `filtered` is a Selection with the filter and its noise terms. The result is also false if the
+    corner is below the lowest of `CORNERS`.
     """
     noise, corner = filtered.noise(filtered.supported), filtered.low_pass.corner
     slow, rate = replace(noise, Q=Coefficient(), N=Coefficient()), 1 / filtered.modes.dt
@@ -124,9 +125,10 @@ def leakage_weights(filtered):
     """Return the weight of each row of a spectrum behind a low-pass filter, (r,), 0 to 1.
 
     A row is a frequency or a band of frequencies (`Modes`). Where the filter leaves next to no
-    power, most of this power is leakage: power from lower frequencies, by the ends of each block of
-    samples. The squares there are then correlated, so that many of them count as few. The weight is
-    the squared share of the power that is not leakage. `filtered` is the Selection with the filter.
+    power, most of this power is leakage: power of lower frequencies that appears here because each
+    block of samples has abrupt ends. The squared amplitudes in these rows are correlated, so that
+    they tell less than their number suggests. The weight allows for that. It is the square of the
+    share of the power that is not leakage. `filtered` is the Selection with the filter.
     """
     modes, low_pass = filtered.modes, filtered.low_pass
     gain = low_pass.gain(modes.frequency * modes.dt)
@@ -136,9 +138,11 @@ def leakage_weights(filtered):
 def likeliest_corner(filtered, terms):
     """Return a Selection with its filter at the likeliest corner, the LowPassTerm, and a factor.
 
-    The LowPassTerm has the corner with its interval, by the information matrix. The factor, by
-    which the interval of N has to be widened, is the standard error of the white noise coefficient
-    N, divided by the one that N would have if the corner were known exactly.
+    There are three results. The first is `filtered` with its filter at the likeliest corner. The
+    second is the LowPassTerm, which has this corner with its interval, by the information matrix.
+    The third is the factor by which the interval of the white noise coefficient N has to be
+    widened: the standard error of N over the one that N would have if the corner were known
+    exactly.
 
     `filtered` is a Selection, the likelihood of one axis, with a low-pass filter whose corner is
     near the likeliest one. `terms` are its supported noise terms, N among them.

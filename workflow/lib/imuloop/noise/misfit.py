@@ -19,8 +19,9 @@ def misfit(selection, terms):
     values. In noise alone q is a chi-square variable over n, so ln q has the mean :math:`\psi(n/2)
     - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Over half a decade to each side of a group,
     the mean squared distance of ln q from its expected value exceeds that variance by
-    :math:`\epsilon^2`. If the excess is significant, it counts as one error that half a decade has
-    in common, and the rows get smaller weights.
+    :math:`\epsilon^2`. Where the excess is significant, the groups of half a decade are taken to
+    share one relative error of the spectrum, of the size :math:`\epsilon`. So they tell less about
+    the terms, and their rows get smaller weights.
 
     `selection` is the Selection, the likelihood of an axis by its noise terms, and `terms` are the
     terms that it supports.
@@ -51,7 +52,7 @@ def misfit(selection, terms):
         """Return, for each of g groups, the sum of values over the groups near it, (g,).
 
         The groups near it lie within half a decade to each side. `values`, (g,) or a number, has
-        the value of each group; groups that are not used count as 0.
+        the value of each group. A group whose rows have next to no weight counts as 0.
         """
         return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
@@ -66,8 +67,8 @@ def _groups(frequency, count):
 
     A row is a frequency or a band of frequencies. A group has neighbouring rows, and group 0 the
     lowest frequencies. `frequency`, (r,), is the frequency of each row, Hz, and `count`, (r,), the
-    number of its values. A group has at least `VALUES` values, and there are at most `GROUPS`
-    groups per decade.
+    number of its values. Every group but the last has at least `VALUES` values, and there are at
+    most `GROUPS` groups per decade.
     """
     number = np.empty(len(frequency), dtype=int)
     group, values, first = -1, VALUES, 0.0

@@ -30,9 +30,10 @@ def expected_squares(covariance):
         \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
     :math:`c_k` are the coefficients of the orthonormal DCT-II of n values. :math:`\gamma_d` is the
-    covariance of two values that lie d apart. `covariance`, (..., n), has it for d = 0 … n - 1. The
-    covariance may be a generalised one, which holds only for weighted sums whose weights add up to
-    zero: all coefficients with k > 0 are such sums.
+    covariance of two values that lie d samples apart. `covariance`, (..., n), has it along the last
+    axis, for all d from 0 to n - 1. Other axes, such as one of several noise processes, stay in the
+    result. The covariance may be a generalised one, which holds only for weighted sums whose
+    weights add up to zero: all coefficients with k > 0 are such sums.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -50,9 +51,10 @@ def _contrasts(start, m):
     number of the first sample of each block, and `m` the number of samples of a block. No
     disturbance lies between the blocks.
 
-    Distances are in samples. If no gap lies between the blocks, the contrasts are those of the
-    cosine transform, and the distances are from the first block, (k,). Otherwise the distances are
-    between all pairs of blocks, (k, k).
+    The first result has the distances, in samples: those from the first block, (k,), if no gap lies
+    between the blocks, else those between all pairs of blocks, (k, k). The second result has the
+    weights, a column for each contrast. Without a gap the contrasts are those of the cosine
+    transform.
     """
     n = len(start)
     if (np.diff(start) == m).all():
@@ -116,7 +118,8 @@ class Modes:
     each mode is exact for every process. In an unbroken record the slow modes are a cosine
     transform.
 
-    A long gap keeps its length in time, but a gap of a few samples is closed up.
+    A long gap keeps its length in time. A gap of a few samples is closed up: the samples before and
+    after it are taken as neighbours.
 
     Attributes
     ----------
@@ -136,7 +139,8 @@ class Modes:
         Expected mean square of each row for quantisation, white noise, flicker and random walk,
         each with the coefficient Q, N, B or K = 1, SI.
     correlation_times : ndarray, shape (c,)
-        Correlation times from the interval of the samples to the longest power cycle, s.
+        Correlation times, s, for which `processes` was computed, from the interval of the samples
+        to the length of the longest power cycle.
     processes : CubicSpline
         Logarithm of the expected mean square of each row, (r,), for a Gauss-Markov process of
         variance 1, as a function of the logarithm of its correlation time in s.
@@ -163,10 +167,11 @@ class Modes:
     def amplitudes(self, signals):
         """Return the amplitudes of the s slow modes, (s,), and mean squares of the fast modes.
 
-        The amplitudes are in SI. The mean squares, (r - s,), SI^2, are over the fast modes of each
-        of r - s bins and over all blocks. `signals` are the Signals of one axis, in the order of
-        the power cycles. A straight line is fitted to the slow modes of each piece, some 500
-        blocks, and is subtracted from its fast modes.
+        The first result has the amplitudes, SI. The second has a mean square for each of the r - s
+        bins of fast modes, (r - s,), SI^2, taken over the modes of the bin and over all blocks.
+        `signals` are the Signals of one axis, in the order of the power cycles. A straight line is
+        fitted to the slow modes of each piece, some 500 blocks, and is subtracted from the fast
+        modes of these blocks, so that they do not show a drift.
         """
         slow, squares, number = [], np.zeros(self.m - 1), 0
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]

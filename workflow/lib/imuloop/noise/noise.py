@@ -104,7 +104,8 @@ def _estimate(axis, records, basis, settings, notes):
 
     `axis` is the name of the axis, and `records` a list of Records with its output. `basis` are the
     Modes of all power cycles, the basis in which their noise is described. `settings` are
-    NoiseSettings. An axis whose output is constant or not finite has no coefficients.
+    NoiseSettings. The AxisEstimate has no coefficients if the output is constant or has a value
+    that is not finite.
     """
     signals = [signal for record in records for signal in record.signals(axis)]
     finite = all(np.isfinite(signal.values).all() for signal in signals)
@@ -144,8 +145,8 @@ def summary(stretches, rate):
     dict of str to float or None
         ``mean`` and ``std`` are the mean and the standard deviation of the samples. ``std_10s`` and
         ``std_100s`` are the standard deviations of the means over consecutive intervals of 10 s and
-        of 100 s. The figures of a standard deviation are None if there are fewer than two samples
-        or means.
+        of 100 s. A standard deviation is None if there are fewer than two values from which to
+        compute it.
     """
     x = np.concatenate(stretches)
     values = {"std": x}

@@ -32,20 +32,22 @@ class Periodogram:
     the spectrum S of the fitted noise, and by a background.
 
     The background allows for a local error of the spectrum. It is a factor for each block of
-    frequencies: the largest median of I/S in the block and its two neighbours; at either end, the
-    two nearest blocks are the neighbours. A band of lines wider than half a block (0.15 Hz, 0.5 %
-    of f or 128 independent frequencies) raises the background, too, and so does not count as a
-    line.
+    frequencies: the largest of three medians of I/S, one in the block and one in each of its two
+    neighbours. The first and the last block have the two nearest blocks as neighbours. A band of
+    lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent frequencies) raises the
+    background, too, and so does not count as a line.
 
     Let x be the height of a peak relative to spectrum and background. If the spectrum is right up
-    to a local factor, I/S of noise is exponential. A peak of at least x then has the probability
+    to a local factor, I/S of noise is exponential. In noise, a peak of at least the height x then
+    has the probability
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
 
-    :math:`p_1` at one frequency, p at any frequency. M is the largest of three medians of m
-    exponential variables of mean 1. :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` is the number of
-    independent frequencies in the searched band, whose width is B. The second formula is Baluev's
-    bound on the maximum over a continuous frequency.
+    where :math:`p_1` is the probability at one given frequency, and p that at any frequency of the
+    searched band. M is the largest of three medians of m exponential variables of mean 1. The
+    number of independent frequencies in the searched band, whose width is B, is :math:`W = B
+    \sqrt{4 \pi\,\mathrm{var}(t)}`. The second formula is Baluev's bound on the maximum over a
+    continuous frequency.
 
     Attributes
     ----------
@@ -58,8 +60,8 @@ class Periodogram:
     sizes : ndarray, shape (b,)
         m: the smallest number of independent values in the block or one of its two neighbours.
     variance : ndarray, shape (b,)
-        Factor for each block: times the spectrum, SI^2/Hz, it is the variance of white noise with
-        the density of the noise in the block, SI^2.
+        Factor for each block, Hz. The spectrum S, SI^2/Hz, times this factor is the variance, SI^2,
+        of white noise that is as dense as the noise in the block.
     ratio : ndarray, shape (f,)
         x: periodogram divided by spectrum and background, at each of f frequencies from the first
         edge to the last.
@@ -87,7 +89,7 @@ class Periodogram:
     def of(cls, signal, spectrum):
         """Return the Periodogram of a Signal, or None if no sinusoid can be sought in it.
 
-        `signal` is the Signal. The result is None if it is too short, has large gaps
+        `signal` is the Signal. The result is None if the signal is too short, has large gaps
         (`Signal.is_sparse`) or never changes. `spectrum` is the one-sided density of its noise,
         SI^2/Hz, as a function of frequency in Hz.
         """
@@ -140,9 +142,10 @@ class Periodogram:
     def noise(self, frequency):
         """Return the variance of white noise as dense as the noise at one frequency, SI^2, and m.
 
-        The white noise has the density that the noise of the signal has at `frequency`, Hz, and the
-        sampling rate of the signal. m is the smallest number of independent values in the block of
-        this frequency or in one of its two neighbours; from it follows the error of the background.
+        The first result is the variance of a white noise with the sampling rate of the signal,
+        whose density is that of the noise of the signal at `frequency`, Hz. The second result, m,
+        is the smallest number of independent values in the block of this frequency or in one of its
+        two neighbours; from it follows the error of the background.
         """
         index = np.searchsorted(self.edges[1:-1], frequency / self.step - self.first, side="right")
         return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]

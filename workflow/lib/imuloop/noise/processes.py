@@ -17,9 +17,10 @@ def covariances(d, m, dt, correlation_times=()):
     noise, flicker and random walk, whose coefficients Q, N, B and K are 1. The others are for
     Gauss-Markov processes of variance 1, one for each of the `correlation_times`, s.
 
-    `d` is the distance, in samples, from the start of one mean to the start of the other; it is 0
-    or at least `m`, the number of samples of a mean. `dt` = Δt is the interval of the samples, s.
-    For single samples, with m = 1 and the correlation time T, the covariance is:
+    `d`, an array, has distances, in samples, from the start of one mean to the start of the other.
+    A distance is 0 or at least `m`, the number of samples of a mean. `dt` = Δt is the interval of
+    the samples, s. For single samples, that is m = 1, the covariance is as follows, with the
+    correlation time T and 0 where no value is given:
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
@@ -63,10 +64,11 @@ def _flicker_means(d, m):
     r"""Return the generalised covariance of two means over m samples of flicker noise with B = 1.
 
     It holds only for weighted sums whose weights add up to zero. `d` is an array of distances
-    between the starts of both means, in samples; the result has its shape. Sums are taken as
-    integrals if the means are far apart or long. The covariance is then a constant plus
-    :math:`-\Delta^2 [x^2 \ln|x|]/2\pi` with x = d/m and the second difference :math:`\Delta^2`.
-    Otherwise it is the mean over all pairs of samples.
+    between the starts of both means, in samples; the result has its shape. If the means are far
+    apart or long, sums over their samples are replaced by integrals. The covariance is then a
+    constant plus :math:`-\Delta^2 [x^2 \ln|x|]/2\pi` with x = d/m and the second difference
+    :math:`\Delta^2`. Otherwise the covariance is the average over all pairs of samples, one from
+    each mean.
     """
 
     def k(x):

@@ -32,8 +32,8 @@ class RecordedSession:
     """One recorded session of a device: its name, kind, samples in SI, and table of segments.
 
     `kind` is ``static``, ``six_position`` or another kind of the config. `samples` are Samples,
-    without any if the session was rejected. `segments` has a row for each rest, motion, disturbance
-    and gap.
+    which have no rows if the session was rejected. `segments` has a row for each rest, motion,
+    disturbance and gap.
     """
 
     name: str
@@ -96,12 +96,13 @@ def read_recorded(name, files):
 
 
 def record_of(session):
-    """Return the Record of one session: its clean stretches at rest. None if it has none.
+    """Return the Record of one session, its clean stretches at rest, or None if it has none.
 
     `session` is a RecordedSession. The Record has all steady rests (`_steady_rests`) of two samples
-    or more; without any, the result is None. In a static session, the means of the rests are the
-    same until a disturbance: they have one level, which is the number of a stretch between
-    disturbances. In other sessions, each rest has its own level. A missing sample ends a stretch.
+    or more; without any, the result is None. Each rest has the number of a level; rests of the same
+    level share the mean of their output. In a static session a new level begins after each
+    disturbance, because it may have moved the device. In other sessions, each rest has its own
+    level. A missing sample ends a stretch.
     """
     if not len(session.samples):
         return None
@@ -131,11 +132,12 @@ def record_of(session):
 def _steady_rests(segments):
     """Return which of n segments are steady rests, in which only the sensors make noise, (n,).
 
-    The result is a mask. Steady rests are all rests if the device does not tilt in any. If it tilts
-    in some, they are the rests without a tilt; if it tilts in all, the third with the least tilt.
-    When it tilts, those shorter than half the longest of them are left out as well: a small tilt is
-    not noticed in a short rest, and looks like a walk. `segments` is the table of segments, with
-    the tilt of each rest.
+    The result is a mask. If the device tilts in no rest, all rests are steady. If it tilts in some
+    of the rests, those without a tilt are steady; if it tilts in every rest, the third of them with
+    the least tilt is steady. Exception: if it tilts in any rest, a rest that is shorter than half
+    the longest of the steady ones does not count as steady. In a short rest a small tilt is not
+    noticed, but it looks like a random walk. `segments` is the table of segments, with the tilt of
+    each rest.
     """
     rest, tilt = np.asarray(segments["kind"]) == STATIC, np.asarray(segments["tilt_rad"], float)
     if not tilt[rest].any():
@@ -185,8 +187,8 @@ def records_by_sensor(sessions, notes):
     A pair has the names of one or both sensors, and a list of their Records. Both sensors are in
     one pair if they were recorded in the same sessions, on one clock. A sensor without a rest is in
     no pair. `sessions` is a list of RecordedSession. Remarks are added to the list `notes`: which
-    sessions are left out, and what limits the coefficients. They begin with the name of the sensor
-    if the sensors do not share their Records.
+    sessions are left out, and what limits the coefficients. Each remark begins with the name of the
+    sensor if the two sensors do not share their Records.
     """
     two_clocks = any(stamps in s.samples for s in sessions for stamps in OWN_TIME.values())
     groups, pairs = {}, []

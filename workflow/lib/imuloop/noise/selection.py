@@ -83,8 +83,9 @@ class Selection:
         """Return the expected mean square of each of r rows for a noise term of size 1, (r,), SI.
 
         A row is a slow mode or a bin of fast modes (`Modes`). If there is a low-pass filter, the
-        mean square is that behind the filter. `term` is a letter of Q, N, B, K, whose coefficient
-        is then 1, or the correlation time, s, of a Gauss-Markov process of variance 1.
+        mean square is that behind the filter, except for Q: quantisation arises there. `term` is a
+        letter of Q, N, B, K, whose coefficient is then 1, or the correlation time, s, of a
+        Gauss-Markov process of variance 1.
         """
         unit = self.modes.unit(term)
         return unit * self.modes.gain(self.low_pass) if self.low_pass and term != "Q" else unit
@@ -121,13 +122,14 @@ class Selection:
         return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, terms):
-        """Return the p-value of a noise term: the probability that it gains as much by chance.
+        """Return the p-value of a noise term: the chance that an absent term gains as much.
 
         The gain is in log-likelihood: the model of all `terms`, `term` among them, is compared with
         the model without `term`. For a ramp, twice the gain is a chi-square variable of one degree
-        of freedom. The variance of another term cannot be negative, so in half of all cases it is 0
-        and gains nothing. For a Gauss-Markov process, the p-value allows for all the correlation
-        times that were tried.
+        of freedom. The variance of another term cannot be negative, so if the term is absent, the
+        fitted variance is 0 in half of all cases and gains nothing: the p-value is half as large.
+        For a Gauss-Markov process, the p-value allows for all the correlation times that were
+        tried.
         """
         gain = self.fit(terms).value - self.fit(without(terms, term)).value
         chance = erfc(sqrt(gain)) if gain > NOTHING else 1.0
@@ -146,8 +148,9 @@ class Selection:
     def candidates(self):
         """Letters of the noise terms that the record can tell from each other, a tuple.
 
-        Random walk and ramp are left out if all levels, the stretches between two disturbances, are
-        short.
+        A level is a stretch between two disturbances. Random walk and ramp are left out if every
+        level is shorter than the share `LASTING` of the longest power cycle, because flicker then
+        looks the same.
         """
         lasting = self.modes.longest_level >= LASTING * self.modes.span
         return ORDER if lasting else without(NAMES, "K")

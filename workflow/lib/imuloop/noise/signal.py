@@ -44,7 +44,7 @@ class Signal:
 
     @cached_property
     def samples(self):
-        """Grid point of each of the n samples, (n,) of int, from 0; missing samples count."""
+        """Grid point of each of the n samples, (n,) of int, from 0; lost samples have one, too."""
         before = np.cumsum(self.lengths) - self.lengths
         return np.arange(self.lengths.sum()) + np.repeat(self.starts - before, self.lengths)
 
@@ -60,7 +60,7 @@ class Signal:
 
     @property
     def is_sparse(self):
-        """Whether less than 1/`SPARSEST` of the power cycle was recorded."""
+        """Whether less than 1/`SPARSEST` of the cycle was recorded; then no lines are sought."""
         return self.extent > SPARSEST * self.lengths.sum()
 
     def split(self, x):
@@ -100,12 +100,12 @@ class Signal:
 
     @cached_property
     def power(self):
-        """Squared magnitude of the Fourier transform without a factor, (f,), and the factor, SI^2.
+        """Squared magnitudes of the Fourier transform, (f,), and the factor for them, SI^2.
 
-        Their product is the squared magnitude in SI^2. The factor keeps the squares within single
-        precision. The f frequencies go from 0 to half the sampling rate. Before the transform, the
-        mean of each level and one slope are subtracted, gaps are filled with zeros, and the record
-        is padded to twice its length or a little more.
+        The product of both is in SI^2. Without the factor the squares are of a size that single
+        precision can hold. The f frequencies go from 0 to half the sampling rate. Before the
+        transform, the mean of each level and one slope are subtracted, gaps are filled with zeros,
+        and the record is padded to twice its length or a little more.
         """
         t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
         x -= (t @ x) / (t @ t) * t

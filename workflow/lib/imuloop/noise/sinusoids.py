@@ -12,7 +12,7 @@ ROUNDS, CLOSE = 8, 1e-3
 
 @dataclass(frozen=True)
 class FittedSinusoid:
-    """A sinusoid that was fitted to one Signal by least squares."""
+    """A sinusoid that was fitted to one Signal, the values of a power cycle, by least squares."""
 
     frequency: float  # Hz
     # (2,): amplitudes of cosine and sine, SI; the phase is 0 midway between the first and the last
@@ -66,9 +66,10 @@ def fit_sinusoid(signal, frequency):
 def _products(signal, frequency):
     """Return the products of each two of six functions, summed over all samples, (6, 6).
 
-    The functions are the rows x, u, cosine, sine, u cosine and u sine of `_chunks`. The mean of
-    each function over each level, the samples between two disturbances, is subtracted first.
-    `signal` is the Signal, and `frequency` the one of cosine and sine, Hz.
+    The functions are the rows x, u, cosine, sine, u cosine and u sine of `_chunks`. The
+    least-squares fit of a sinusoid is solved from these sums. The mean of each function over each
+    level, the samples between two disturbances, is subtracted first. `signal` is the Signal, and
+    `frequency` the one of cosine and sine, Hz.
     """
     number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))
@@ -81,10 +82,11 @@ def _products(signal, frequency):
 def _chunks(signal, frequency):
     """Yield the number of the level and six rows of numbers, (6, k), of each chunk of k samples.
 
-    A chunk is a part of a stretch of `signal`, a Signal, and a level the samples between two
-    disturbances. The rows are x, u, cosine, sine, u cosine and u sine. x are the values of the
-    signal minus the mean of their level. u is the time, which goes from -1 to 1 over the signal.
-    Cosine and sine have the `frequency`, Hz, and phase 0 at u = 0.
+    A chunk is a part of a stretch of `signal`, a Signal. A level has the samples between two
+    disturbances; its number is yielded because each level has its own mean. The rows are x, u,
+    cosine, sine, u cosine and u sine. x are the values of the signal minus the mean of their level.
+    u is the time, which goes from -1 to 1 over the signal. Cosine and sine have the `frequency`,
+    Hz, and phase 0 at u = 0.
     """
     half = (signal.extent - 1) / 2
     stretches = signal.split(signal.centred(signal.values))

@@ -42,12 +42,12 @@ class Tolerance:
     Attributes
     ----------
     misalignment : float
-        Of the misalignments, the elements off the diagonal of the matrix from sensor axes to body
-        axes, rad.
+        Standard deviation of a misalignment, which is an element off the diagonal of the matrix
+        from sensor axes to body axes, rad.
     scale_factor : float
-        Of the scale factors relative to the nominal one, without unit.
+        Standard deviation of a scale factor as a share of the nominal one.
     bias : float
-        Of the biases: m/s^2 for an accelerometer, rad/s for a gyroscope.
+        Standard deviation of a bias, m/s^2 for an accelerometer, rad/s for a gyroscope.
     """
 
     misalignment: float
@@ -115,7 +115,7 @@ class SensorFigures:
 
     @property
     def noise_density(self):
-        """Typical density of white noise, SI per √Hz; None if unknown or if the ranges differ."""
+        """Typical density of white noise, SI per √Hz; None if unknown or different by range."""
         densities = {one_range.noise_density for one_range in self.ranges}
         return densities.pop() if len(densities) == 1 else None
 

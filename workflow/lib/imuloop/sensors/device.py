@@ -20,12 +20,13 @@ def device_figures(sensor=None, ranges=None, nominal=None, full_scale=None):
     Returns
     -------
     dict
-        ``nominal``: by quantity, the ``scale`` of counts, SI per count, and their ``offset``,
-        counts. If the sensor has several ranges and none was chosen, the names of its ``ranges``
-        replace the scale. ``full_scale``: by quantity, SI. ``tolerances``: by ``accelerometer`` and
-        ``gyroscope``, the fields of a `Tolerance`. ``data_sheet``: the name of the ``sensor``, and
-        its typical ``noise``, SI per √Hz, by ``accelerometer`` and ``gyroscope``; empty without a
-        sensor.
+        The dict has four keys, each with a dict. ``nominal`` has, for each quantity, the ``scale``,
+        SI per count, and the ``offset``, counts. If the sensor has several ranges and none was
+        chosen, the names of its ``ranges`` replace the scale. ``full_scale`` has the full scale of
+        each quantity, SI. ``tolerances`` has the fields of a `Tolerance` for ``accelerometer`` and
+        ``gyroscope``. ``data_sheet`` has the name of the ``sensor``, and in ``noise`` the typical
+        density of white noise of ``accelerometer`` and ``gyroscope``, SI per √Hz; it is empty
+        without a sensor. What is not known is left out.
 
     Raises
     ------

@@ -38,10 +38,10 @@ def tilted(directions, degrees, rng):
 def poses(session, rate, rng):
     """Return the pieces of a session with many poses, and the upward direction at its start, (3,).
 
-    The session has six or many positions. The pieces are a list of Piece, the motion of a rest and
-    of a move by turns. The upward direction is a unit vector on body axes. `session` is a
-    SessionTruth, `rate` the sampling rate, Hz, and `rng` a numpy Generator, the source of random
-    numbers.
+    A pose is an attitude in which the device lies still. The session has six or many positions. The
+    pieces are a list of Piece, in which a rest and a move alternate. The upward direction is a unit
+    vector on body axes. `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a
+    numpy Generator, the source of random numbers.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -90,10 +90,10 @@ def poses(session, rate, rng):
 def at_rest(session, rate, rng):
     """Return the pieces of a session at rest, and the upward direction at its start, (3,).
 
-    The pieces are a list of Piece, the motion of each rest and of each disturbance between two
-    rests. A knock is a short burst of acceleration. A tilt is a lasting turn about a horizontal
-    axis. Handling is some seconds of wobble, tremor and acceleration, after which the attitude is
-    the same as before. The upward direction is a unit vector on body axes.
+    The pieces are a list of Piece, in which a rest and a disturbance alternate. A knock is a short
+    burst of acceleration. A tilt is a lasting turn about a horizontal axis. Handling is some
+    seconds of wobble, tremor and acceleration, after which the attitude is the same as before. The
+    upward direction is a unit vector on body axes.
 
     `session` is a SessionTruth, `rate` the sampling rate, Hz, and `rng` a numpy Generator, the
     source of random numbers. Raises an ImuloopError if disturbances overlap, are not in order of

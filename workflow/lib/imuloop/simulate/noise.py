@@ -32,10 +32,10 @@ def flicker(n, dt, B, rng):
     `dt` is the time between two samples, s, and `B` the coefficient, the bias instability, SI. The
     two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
     variance is ``(2 ln 2/π) B²``. At each frequency f, in steps of Δf, the noise has an independent
-    Gaussian cosine and sine of variance ``B²/(πf) Δf``. Their sum is periodic. So it is computed
-    for twice the length and cut in half: start and end of the result are then not equal, and the
-    lowest frequency has a period of twice its length. `rng` is a numpy Generator, the source of
-    random numbers.
+    Gaussian cosine and sine of variance ``B²/(πf) Δf``. Their sum is periodic. So the noise is
+    computed for twice the length and cut in half. Then the start of the result does not repeat at
+    its end, and the lowest frequency has a period of twice its length. `rng` is a numpy Generator,
+    the source of random numbers.
 
     References
     ----------

@@ -9,9 +9,9 @@ from imuloop.simulate.noise import axis_noise
 def output(truth, x, channels):
     """Return the output of a sensor before noise, ``u = T⁻¹ x + e(u)``, SI, (n, 3).
 
-    Without noise, it is ``K (raw - b)`` of the raw values. The effects e depend on the output u
-    itself, so the equation is solved by repeated substitution. Each of four rounds multiplies the
-    error by de/du, a few per cent at most.
+    Without noise, u equals ``K (raw - b)`` of the logged values raw. The effects e depend on the
+    output u itself, so the equation is solved by repeated substitution. Each of four rounds
+    multiplies the error by de/du, a few per cent at most.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 
 
 def _seeds(truth, session, seed):
-    """Return the seeds of motion, both sensors and thermometer, a list of four SeedSequence.
+    """Return the seeds of a session, a list of SeedSequence: motion, two sensors, thermometer.
 
     `truth` is the Truth of a device, and `session` the name of one of its sessions. `seed` is a
     number; if it is None, the seed of the session is used. Sessions and devices with the same
@@ -34,9 +34,9 @@ def _seeds(truth, session, seed):
 def true_motion(truth, session, seed=None):
     """Return the true Motion of a simulated session: attitude, rate and force at each sample.
 
-    `simulate_session` with the same arguments returns the log of this motion. `truth` is the Truth
-    of a device, and `session` the name of one of its sessions. `seed` is a number that replaces the
-    seed of the session; by default none does.
+    The log of this motion is what `simulate_session` returns for the same arguments. `truth` is the
+    Truth of a device, and `session` the name of one of its sessions. `seed` is a number that
+    replaces the seed of the session; by default none does.
     """
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
