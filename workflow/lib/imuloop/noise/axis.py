@@ -96,8 +96,8 @@ def find_lines(basis, signals, settings):
 
     A line is a sinusoid in the output. Lines are found one by one, and the Selection is made after
     they are subtracted. Each line is tested against the noise that is fitted to the signals without
-    the lines that were found before. A line whose frequency wanders leaves further lines nearby.
-    These are subtracted as well, but are not in the list.
+    the lines that were found before. Exception: a line whose frequency wanders leaves further peaks
+    nearby, which are subtracted as lines but are not in the list.
 
     Parameters
     ----------
@@ -128,10 +128,10 @@ def _strongest_line(signals, selection):
 
     A line is a sinusoid in the output. `signals` are the Signals of the axis, SI, one for each
     power cycle. `selection` is the Selection of the noise terms that they support. First, peaks are
-    compared with the spectrum of these terms. If a line has few periods, its power may have been
-    fitted as noise, so that it does not stand out. So there is a second search: the highest peak
-    relative to a flat spectrum is found, the terms are fitted without the frequencies near this
-    peak, and all peaks are compared with the spectrum of this fit.
+    compared with the spectrum of these terms. The power of a line that has few periods may have
+    been fitted as noise, so that the line does not stand out. So there is a second search: the
+    highest peak relative to a flat spectrum is found, the terms are fitted without the frequencies
+    near this peak, and all peaks are compared with the spectrum of this fit.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)

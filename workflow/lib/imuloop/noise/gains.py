@@ -97,7 +97,8 @@ class LowPass:
     def autocovariance(self, count):
         """Return the autocovariance of white noise of variance 1 after the filter, (count,).
 
-        `count` is the number of lags, which are 0 … `count` - 1 samples.
+        `count` is the number of lags, from 0 to `count` - 1 samples. White noise without a filter
+        would have 1 at lag 0 and 0 elsewhere.
         """
         covariance = np.zeros(max(count, len(GRID)))
         covariance[: len(GRID)] = irfft(self.gain(GRID))[: len(GRID)]

@@ -126,10 +126,10 @@ def _crossing(deviate, u, wanted):
 def _process(selection, terms, wide, tc):
     """Return the GaussMarkovTerm of a Gauss-Markov process, whose correlation time is `tc`, s.
 
-    The term has coefficient and correlation time with 95 % intervals. Its values come from the fit
-    of the supported `terms`, which include the process. The intervals come from the information
-    matrix of `wide`, a tuple of these terms and of others that may be present. `selection` is the
-    Selection, the likelihood of the axis as a function of its terms.
+    The term has coefficient and correlation time with 95 % intervals. The values of both come from
+    the fit of the supported `terms`, which include the process. The intervals come from the
+    information matrix of `wide`, a tuple of these terms and of others that may be present.
+    `selection` is the Selection, the likelihood of the axis as a function of its terms.
     """
     fit = selection.fit(terms)
     variance, times = fit.theta[variances(terms).index(tc)], selection.modes.correlation_times

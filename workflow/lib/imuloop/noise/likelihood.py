@@ -205,9 +205,9 @@ class Likelihood:
     def ramp(self, expected):
         """Return the likeliest ramp, SI/s, and the information about it, s²/SI².
 
-        The information is the inverse of the variance of the ramp. It sums over the slow modes,
-        each by its weight, as fast modes do not show a ramp. `expected`, (r,), are the expected
-        mean squares of all rows, slow modes and then bins of fast modes, SI^2.
+        The information is the inverse of the variance of this estimate. It sums over the slow
+        modes, each by its weight, as fast modes do not show a ramp. `expected`, (r,), are the
+        expected mean squares of all rows, slow modes and then bins of fast modes, SI^2.
         """
         slow = len(self.rho)
         weight = self.count[:slow] * self.rho / self.above_rounding(expected[:slow])
@@ -223,7 +223,7 @@ class Likelihood:
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, SI^2, of which those below the `floor` of rounding are raised to it.
+        """Return mean squares, SI^2, with those below the `floor` of rounding raised to it.
 
         `squares` is an array of mean squares, SI^2; the result has its shape.
         """

@@ -148,13 +148,13 @@ def mains(frequency, rate):
     both are named.
 
     With mains of :math:`f_0`, the harmonic h appears at :math:`|h f_0 - k r|`, where k is a whole
-    number and r the rate. It fits within 1.2 per mille of :math:`h f_0` to either side: 1 per mille
-    is the wander of mains, and 200 ppm the error of the clock behind the time stamps, which scales
-    all logged frequencies. There are two exceptions. A line whose frequency is smaller than this
-    tolerance is not named, since any slow line would fit. And a harmonic is not considered if its
-    tolerance is 0.4 % of the sampling rate or more, since then many lines would fit by chance. A
-    line at a random frequency is named with a probability of 3 % at 100 and 200 Hz, 1 % at 1 kHz,
-    and below 10 % at any rate.
+    number and r the rate. A line fits the harmonic if it lies there within 1.2 per mille of
+    :math:`h f_0` to either side. Of this tolerance, 1 per mille is for the wander of mains, and 200
+    ppm for the error of the clock behind the time stamps, which scales all logged frequencies.
+    There are two exceptions. A line whose frequency is at most this tolerance is not named, since
+    any slow line would fit. And a harmonic is not considered if its tolerance is 0.4 % of the
+    sampling rate or more, since then many lines would fit by chance. A line at a random frequency
+    is named with a probability of 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

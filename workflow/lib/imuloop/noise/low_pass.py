@@ -58,8 +58,8 @@ def _fit(selection, kind, corner, **options):
     """Return the log-likelihood of four noise terms behind a low-pass filter, and the LowPass.
 
     The terms are quantisation Q, white noise N, flicker B and random walk K. The LowPass is the
-    filter with its fitted floor, which is the share of the power of white noise that enters behind
-    the filter.
+    filter with its fitted floor. The floor is the share of the power of white noise that enters
+    behind the filter.
 
     Parameters
     ----------

@@ -87,8 +87,9 @@ def _squares(distance, contrasts, processes):
 class _Piece:
     """A piece of one power cycle: fewer than `LARGEST` blocks of consecutive samples.
 
-    One slope is subtracted from the fast modes of all blocks of a piece. A level is a stretch
-    between two disturbances; it has its own mean. `cycle` is the index of the power cycle.
+    The slope of one straight line is subtracted from the fast modes of all blocks of a piece. A
+    level is a stretch between two disturbances; it has its own mean. `cycle` is the index of the
+    power cycle.
     """
 
     cycle: int

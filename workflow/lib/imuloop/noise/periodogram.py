@@ -153,7 +153,8 @@ class Periodogram:
     def chance(self, sinusoid):
         """Return the probability that noise alone has a peak as high as that of a sinusoid.
 
-        `sinusoid` is a FittedSinusoid of the signal. The probability is for its frequency only.
+        `sinusoid` is a FittedSinusoid of the signal. The probability is for the frequency of the
+        sinusoid only, not for a peak anywhere.
         """
         variance, m = self.noise(sinusoid.frequency)
         return chance_at_one(sinusoid.explained / (2 * np.log(2) * variance), m)
@@ -174,8 +175,8 @@ def chance_at_one(x, m):
 def chance_over_band(chance, independent):
     """Return the probability that noise has a peak of a given height anywhere in a band.
 
-    `chance` is the probability of a peak of at least this height at one frequency, and
-    `independent` the number of independent frequencies in the band.
+    The height is given by `chance`, the probability of a peak of at least this height at one
+    frequency. `independent` is the number of independent frequencies in the band.
     """
     chance = max(chance, 1e-300)
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))

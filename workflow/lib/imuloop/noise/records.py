@@ -241,7 +241,7 @@ def choose_records(sessions):
 
 
 def _conditions(record):
-    """Yield remarks on the gaps and on the temperature of the Record `record`, each a text."""
+    """Yield remarks on the gaps and the temperature of `record`, a Record, each a text, if any."""
     if jumps := len(record.cycles) - 1:
         yield f"{jumps} gap(s) longer than all that was recorded; noise is not followed across"
     if any(cycle.is_sparse for cycle in record.cycles):

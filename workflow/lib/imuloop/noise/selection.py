@@ -102,8 +102,8 @@ class Selection:
         """Return the MaximumLikelihood of the model with the given noise terms.
 
         `terms` is a tuple of letters and correlation times, s. `start`, (p,), may be variances near
-        the maximum, from which the fit begins, for the p terms other than a ramp. A fit is made
-        once and kept, so a later `start` for the same terms has no effect.
+        the maximum, from which the fit begins, for the p terms other than a ramp. The fit of a
+        model is made once and kept, so a later `start` for the same terms has no effect.
         """
         if terms not in self._fits:
             ramp = None if "R" in terms else 0.0

@@ -84,9 +84,9 @@ class Signal:
 
         The missing samples are left out of the grid, and the stretches before and after the gap
         become one. A longer gap, or a new level, still ends a stretch. White noise stays white and
-        flicker stays flicker. A sinusoid does not stay one. A walk or a ramp goes on within the
-        gaps, so it seems to change more from sample to sample: it looks larger by up to the share
-        of missing samples.
+        flicker stays flicker. A sinusoid does not stay a sinusoid. A random walk or a ramp goes on
+        within the gaps, so after they are closed it looks larger, by up to the share of missing
+        samples.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)

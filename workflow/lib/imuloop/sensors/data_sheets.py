@@ -178,7 +178,7 @@ def find_sensor(name):
 
     Its tolerances are standard deviations. A typical figure of the sheet counts as one standard
     deviation. A maximum counts as the half-width of a rectangular distribution, whose standard
-    deviation is maximum/√3. If the sheet has both, the larger one counts. No standard deviation is
+    deviation is maximum/√3. If the sheet has both, the larger standard deviation counts. None is
     below `FLOOR`. If the sheet lacks a figure, it is taken from `GENERIC`.
 
     Parameters

@@ -33,7 +33,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of a session: the true motion in a rest or a move of n samples.
+    """A piece of a session: the true motion in a rest, a move or a knock of n samples.
 
     Attitudes are quaternions, scalar first. They rotate from the body axes to the body axes at the
     start of the piece.
@@ -70,7 +70,7 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     0 to 1 during the move. φ is a wobble about a second axis m, and ψ a tremor about a third axis
     p. Each factor ``R = exp(a θ)`` is a rotation by the angle θ about the axis a; it changes the
     angular rate ω to ``Rᵀω + a dθ/dt``. Wobble, tremor and linear acceleration fade in and out as
-    ``64 τ³(1-τ)³``. The sample after the last one is at rest again.
+    ``64 τ³(1-τ)³``. The device is at rest again at the sample after the last one.
 
     Parameters
     ----------

@@ -20,8 +20,8 @@ def quantisation(n, dt, Q, rng):
     A sensor reads the integral of its input with white errors q of the standard deviation `Q`,
     SI·s. The noise is the error of the rate of this integral: ``x_k = (q_{k+1} - q_k)/Δt`` (IEEE
     Std 952-1997, C.1.2). `dt` = Δt is the time between two samples, s, and `rng` is a numpy
-    Generator, the source of random numbers. The rounding of the logged value is another process,
-    which is not included.
+    Generator, the source of random numbers. The rounding of the logged value is another process and
+    is not included here.
     """
     return np.diff(Q * rng.standard_normal(n + 1)) / dt
 

@@ -66,8 +66,8 @@ def lagged(x, dt, tc):
     """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to n samples of x, (n,).
 
     `x`, (n,), are samples `dt` s apart, and `tc` is the time constant, s. y starts at the first
-    value of x. The result is exact if x is linear between the samples. If `tc` is 0, the result is
-    x.
+    value of x. The result is exact if x is linear between the samples. If `tc` is 0, there is no
+    lag and the result is x.
     """
     if not tc:
         return x

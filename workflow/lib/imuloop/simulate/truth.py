@@ -179,8 +179,8 @@ def _sensor(noise, effects=(), **fields):
 def _session(disturbances=(), **plan):
     """Return a SessionTruth from the entries of one session in the YAML file of a truth.
 
-    `disturbances` has a dict for each Disturbance; `plan` has all other entries, which are fields
-    of the SessionTruth.
+    `disturbances` has a dict of fields for each Disturbance. `plan` has all other entries, which
+    are fields of the SessionTruth.
     """
     return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
