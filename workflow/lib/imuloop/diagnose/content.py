@@ -13,9 +13,10 @@ from imuloop.model.effect import Effect
 def candidates(sensor, record, channels):
     """Return the variants to try on a sensor, and the effects that are not tried.
 
-    A variant is an effect with values of its constants, such as a time constant. Some effects do
-    not show in this kind of record. They are in neither result, unless the effect itself says why
-    rests cannot show it (`unobservable`): then they are in the second.
+    A variant is an effect with values of its constants, such as a time constant. An effect that
+    does not show in this kind of record is in neither result. Exception: an effect with
+    `unobservable`, a text that says why rests cannot show it, is in the second result with this
+    text as its reason.
 
     Parameters
     ----------
@@ -166,8 +167,10 @@ def untried(name, status, why):
 def _candidate(sensor, choices, kind):
     """Return the entry in diagnosis.json of a kind of effect that was tried on a sensor, a dict.
 
-    `choices` are the Choices: the searches in the record and the choice of effects. `kind` is the
-    kind of effect, and `sensor` the name of the sensor.
+    The entry has the status with its reason, the p-value, the estimated parameters and the
+    detection limit, which is the least size of the effect that these data would show. `choices` are
+    the Choices: the searches in the record and the choice of effects. `kind` is the kind of effect,
+    and `sensor` the name of the sensor.
     """
     problem, choice = choices.problem, choices.choice()
     # the kind is tested with all other added effects in the model
@@ -216,12 +219,12 @@ def _candidate(sensor, choices, kind):
 
 
 def _status(choices, base, trial):
-    """Return the status of a kind of effect that was tried, the reason, and its double.
+    """Return three texts about a kind of effect that was tried: status, reason and double.
 
-    The double is an effect that these data cannot tell from this one; it is None if the status is
-    not “confounded”. All three are texts. `choices` are the Choices: the searches and the added
-    effects. `trial` is the Trial, the significance test, of this kind, and `base` has the added
-    effects of other kinds.
+    The double is the name of an effect that these data cannot tell from this one. It is None if the
+    status is not “confounded”. `choices` are the Choices: the searches and the added effects.
+    `trial` is the Trial, the significance test, of this kind, and `base` has the added effects of
+    other kinds.
     """
     choice, kind = choices.choice(), trial.effect.kind
     if any(trial is added for added in choice.added):
@@ -241,11 +244,12 @@ def _status(choices, base, trial):
 
 
 def _by_slow_noise(search, base, trial):
-    """Return whether only possible slow noise keeps an effect from being significant, a bool.
+    """Return whether an effect is significant only if slow noise is as small as estimated, a bool.
 
-    A noise hypothesis is one covariance that the noise may have. The test of the effect fails with
-    the average over all hypotheses, but passes with the average over those that have no more slow
-    noise than was estimated. `search` is the Search of all data, `base` has the effects in the
+    A noise hypothesis is one covariance that the noise may have. The result is True if the test of
+    the effect fails with the average over all hypotheses, but passes with the average over those
+    that have no more slow noise than was estimated. An effect that passes with all hypotheses gives
+    False. `search` is the Search of all data, `base` has the effects in the
     model, and `trial` is the Trial, the test, of the effect.
     """
     if trial.log_p < search.threshold(len(base)):

@@ -170,7 +170,8 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
 
     - A sensor gets the calibration by the poses if that calibration has effects, or if the bias at
       the poses counts.
-    - Otherwise it gets the calibration in `base` with the effects of its static records.
+    - Otherwise it gets the calibration in `base`, with the effects of its static records if they
+      count.
 
     Parameters
     ----------
@@ -183,8 +184,9 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     records : dict of str to list of StaticRecord
         Static records by sensor.
     has_static_session : bool
-        Whether a static session has these records. If not, the records are other rests: their
-        effects count only for a sensor that the poses do not calibrate.
+        Whether the records come from a static session. If so, their effects count. If not, the
+        records are other rests, and their effects count only for a sensor that the poses do not
+        calibrate.
     bias_held : bool
         Whether the gyroscope keeps its bias at the first rest. Then the bias at the poses counts
         only if the accelerometer has effects.
@@ -206,7 +208,8 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
 def judge_calibration(calibration, sensor, contents, static_kinds):
     """Return the SensorCalibration with its verdict, and with the reason if it is implausible.
 
-    The verdict is the worst verdict of the records that the calibration comes from.
+    The verdict is the worst verdict of the records that the calibration comes from. A plausible
+    calibration gets no reason.
 
     Parameters
     ----------
@@ -218,7 +221,8 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
         Content of diagnosis.json by kind of record. If the calibration is implausible, the verdicts
         ``consistent`` and ``explained`` are replaced in this dict.
     static_kinds : dict of str to str
-        Kinds of the sessions that the static records come from, by name.
+        Kinds of the sessions that the static records come from, by name. The verdict on these
+        records counts if one of the sessions is of the kind ``static``.
     """
     if why := implausible_values(calibration, sensor):
         for record, content in contents.items():
@@ -232,10 +236,11 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
 def with_static_effects(calibration, effects, records):
     """Return the SensorCalibration of a sensor with the effects of its static records.
 
-    `calibration` is the SensorCalibration without them, and `effects` are the FittedEffects. A
+    `calibration` is the SensorCalibration without effects, and `effects` are the FittedEffects. A
     static record is a rest of minutes to hours, as means over windows; `records` is the list of
     StaticRecords. If the sensor was only calibrated at rest (`method` is ``static``), its bias is
-    estimated again: it is the mean over the records after the effects are subtracted.
+    estimated again: it is the mean over the records after the effects are subtracted. Otherwise
+    the sensor keeps its bias.
     """
     b = calibration.b
     if effects and calibration.method == "static":

@@ -51,9 +51,10 @@ class MotionProblem(PoseProblem):
     def rows(self):
         """The move of each row, (n, 2) of int, and the kind of residual of each row, (N,) of str.
 
-        A row is one component of a residual. The first array has the index of the move twice, as a
-        move is held out as a whole; rows of poses have the index -1. The last N - n rows come from
-        a prior and have no index.
+        A row is one component of a residual. The first array covers the n rows of poses and moves.
+        A row of a move has the index of the move twice, as a move is held out as a whole. A row of
+        a pose has the index -1 twice. The other N - n rows come last and belong to a prior; their
+        kind is an empty string.
         """
         poses, kind = super().rows
         move = np.searchsorted(self.recording.rotations.first, poses[:, :1])
@@ -187,9 +188,9 @@ def _too_few_moves(recording, usable, knock, lossy, tilted):
 def _has_step(recording, effects):
     """Return the moves in which a bias has a step, a mask, (m,) of bool.
 
-    A step is an effect: a bias changes at one time and stays. Moves with one are not used, as it is
-    not known when in the move the step is. `effects` are the SensorEffects of the model, and
-    `recording` has the m moves.
+    A step is an effect: a bias changes at one time and stays. A move with a step is not used, as
+    the time of the step within the move is not known. `effects` are the SensorEffects of the model,
+    and `recording` has the m moves.
     """
     mid, first = recording.poses.mid_s, recording.rotations.first
     times = [effect.effect.times[0] for effect in effects if effect.name == Steps.name]
@@ -208,26 +209,32 @@ def no_result(why, columns=None):
 
 
 def knocks(recording, gyroscope_bias):
-    """Return the largest velocity that each move may gain or lose unseen by a knock, m/s, (m,).
+    """Return the largest velocity that a knock between two samples may add to each move, m/s, (m,).
 
-    `recording` has the m moves. A knock shorter than a sample interval may not be sampled. Each
-    sample interval Δt may hide the velocity ``|Δf + w × f Δt| Δt``, with the change Δf of specific
-    force. The result is the largest of these over the intervals of a move. A move in which the
-    specific force is saturated has nan. `gyroscope_bias`, (3,), is in nominal SI (raw readings by
-    the data sheet), rad/s; w is the angular rate minus this bias.
+    `recording` has the m moves. A knock shorter than the sample interval may fall between two
+    samples, so that its velocity is missing from the data. Each interval Δt may hide the velocity
+    ``|Δf + w × f Δt| Δt``: Δf is the change of the specific force f over the interval, and w is the
+    angular rate minus `gyroscope_bias`, (3,), in nominal SI (raw readings by the data sheet),
+    rad/s. A move has the largest of these velocities over its intervals. A move in which the
+    specific force is saturated has nan instead. A move with a large value, or with nan, is not
+    used.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the ratio of two velocity errors of each move: by dropped samples over by noise, (m,).
+    """Return the velocity error that dropped samples cause in each move, over that by noise, (m,).
 
-    Dropped samples may hide so much of a move that its velocity cannot be used. Specific force is
-    interpolated over a gap of the length Δt, with a velocity error of about a third of
-    ``|Δf + w × f Δt| Δt``. Here Δf is the change of specific force f over the gap, and w the
-    angular rate. White noise with the variance σ² of a sample gives a velocity error of
-    ``σ √(τ T)`` in a move of T seconds with the sample interval τ. `recording` has the m moves;
+    A move with a large ratio is not used. Two errors are compared:
+
+    - Over a gap of the length Δt the specific force f is interpolated. The velocity error is about
+      a third of ``|Δf + w × f Δt| Δt``, with the change Δf over the gap and the angular rate w.
+      The errors of all gaps of a move are combined as the root of the sum of their squares.
+    - White noise with the variance σ² of a sample gives the velocity error ``σ √(τ T)`` in a move
+      of T seconds with the sample interval τ.
+
+    `recording` has the m moves;
     `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data sheet), rad/s.
     """
     rotations = recording.rotations
@@ -244,10 +251,10 @@ def hidden_velocity(recording, gyroscope_bias):
 def unsampled_velocity(rotations, gyroscope_bias):
     """Return the velocity that each sample interval of m moves may hide, m/s, (m, k - 1).
 
-    It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force f over the interval Δt. The
-    term ``w × f Δt`` cancels the change that the turn at the angular rate w, without its bias,
-    makes. `rotations` are the Rotations, with k samples each; `gyroscope_bias`, (3,), is in nominal
-    SI (raw readings by the data sheet), rad/s.
+    It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force f over the interval Δt. A turn
+    of the device also changes f. The term ``w × f Δt`` cancels this change; w is the angular rate
+    without its bias. `rotations` are the Rotations, the samples of the moves, with k samples each.
+    `gyroscope_bias`, (3,), is in nominal SI (raw readings by the data sheet), rad/s.
     """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps

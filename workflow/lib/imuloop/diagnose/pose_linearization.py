@@ -32,8 +32,9 @@ class Linearization:
     def slow(self):
         """Variance components of slow noise, a list of Component.
 
-        The noise model gives their sizes and the errors of these sizes. The other components, an
-        excess for each kind of residual, have no prior size.
+        The noise model gives their sizes and the errors of these sizes. Each kind of residual also
+        has an excess, noise that the noise model lacks. It is a component, too, but is not in the
+        list, since the noise model says nothing about its size.
         """
         return [c for c in self.likelihood.components if np.isfinite(c.deviation)]
 
@@ -49,14 +50,15 @@ class Linearization:
 
     @cached_property
     def alternatives(self):
-        """Alternatives of the noise for the verdict: m log priors, (m,), and a list of covariances.
+        """The m alternatives of the noise for the verdict, as two parts: priors and covariances.
 
-        An alternative is one covariance that the noise may have. The list has m covariances of the
-        rows (scalar residuals), (N, N). They lie between two ends: the noise as estimated, which is
-        the first, and the noise with the likeliest sizes of all slow components. Alternative j is
-        the share `PATH[j]` of the way from the first to the second. The whole way has the length d,
-        in standard deviations of the estimates, so that the logarithm of the prior probability is
-        ``-(d PATH[j])²/2``.
+        An alternative is one covariance that the noise may have. The first part, (m,), has the
+        logarithm of the prior probability of each alternative. The second part is a list of the m
+        covariances of the rows (scalar residuals), (N, N) each. The alternatives differ in the
+        sizes of slow noise. The first alternative has the sizes as estimated, the last one has the
+        likeliest sizes, and alternative j has gone the share `PATH[j]` of the way between them. The
+        whole way has the length d, in standard deviations of the estimated sizes, so that the
+        logarithm of the prior probability is ``-(d PATH[j])²/2``.
         """
         fixed, slow = self.likelihood.fixed, self.slow
         sizes = np.array([component.size for component in slow])
@@ -89,10 +91,15 @@ def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses in which the noise of one kind of residual may be larger alone.
 
     A hypothesis is one covariance that the noise may have. Here it follows from one size for each
-    variance component, noise whose size is estimated. Under most hypotheses, the components of one
-    kind of residual have the likeliest sizes and the components of all other kinds have the sizes
-    as estimated, or the reverse. The first hypothesis has all sizes as estimated, and the last one
-    has all likeliest sizes.
+    variance component, noise whose size is estimated. Each component belongs to one kind of
+    residual. There are four sorts of hypotheses. Components have their likeliest sizes
+
+    - for no kind of residual: the first hypothesis;
+    - for one kind: a hypothesis per kind;
+    - for all kinds but one: a hypothesis per kind;
+    - for all kinds: the last hypothesis.
+
+    All other components have their sizes as estimated.
 
     Parameters
     ----------

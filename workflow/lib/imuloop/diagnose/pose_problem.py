@@ -62,10 +62,11 @@ class PoseProblem:
     def static_rows(self):
         """Knowledge from static records, long rests, about effects, as rows ``R θ - z`` of a prior.
 
-        θ are the q parameters of an effect, and ``R θ - z`` has mean 0 and variance 1. The value
-        has two parts: a dict of R, (s, q), by effect, and z, (s,), for s rows. The logarithm of the
-        likelihood of θ by the static records is ``-θᵀ A θ/2 + bᵀ θ``, with ``A = Rᵀ R`` and
-        ``b = Rᵀ z``.
+        θ are the parameters of all effects that static records can show. Each of the s components
+        of ``R θ - z`` has mean 0 and variance 1. The value has two parts. The first is a dict: for
+        each effect, the columns of R that belong to its q parameters, (s, q). The second is z,
+        (s,). The logarithm of the likelihood of θ by the static records is ``-θᵀ A θ/2 + bᵀ θ``,
+        with ``A = Rᵀ R`` and ``b = Rᵀ z``.
         """
         if self.static is None:
             return {}, np.zeros(0)
@@ -88,9 +89,9 @@ class PoseProblem:
     def prior(self, effects):
         """Return the prior of a fit as R, (k, p), and z, (k,): ``R x - z`` is near zero.
 
-        x are the p parameters of the fit. Before the fit, ``R x - z`` has mean 0 and variance 1.
-        The first rows are the prior of the base model. The other rows hold the knowledge from
-        static records about the parameters of `effects`.
+        x are the p parameters of the fit. Before the fit, each of the k components of ``R x - z``
+        has mean 0 and variance 1. The first components are the prior of the base model. The last
+        ones hold the knowledge from static records about the parameters of `effects`.
         """
         (R_base, z_base), (R_by_effect, z) = self.joint_fit.prior_rows, self.static_rows
         R = [R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
@@ -101,9 +102,10 @@ class PoseProblem:
     def rows(self):
         """First and last pose of each row, (n, 2) of int, and the kind of each row, (N,) of str.
 
-        A row is one component of a residual. The row of a pose has the index of this pose twice;
-        the row of a move has the poses at its ends. The kind is the kind of residual. The N - n
-        last rows come from the prior: they have no pose, and their kind is an empty string.
+        A row is one component of a residual. The first array covers the n rows of poses and moves.
+        The row of a pose has the index of this pose twice, the row of a move has the indices of the
+        poses at its ends. The second array has the kind of residual of each row. The other N - n
+        rows come last and belong to the prior: their kind is an empty string.
         """
         ends, kind = self.joint_fit.rows(self.recording)
         return ends, np.append(kind, np.full(len(self.prior(())[1]), ""))
@@ -292,18 +294,20 @@ class PoseProblem:
     def is_like_slow_noise(self, effect):
         """Return whether an `effect` may be taken for slow noise, a bool.
 
-        This holds for every effect of time or of temperature, as these change slowly. Its detection
-        limit is computed with an estimate of the noise in data with the effect.
+        This holds for every effect of time or of temperature, as these change slowly. For the
+        detection limit of such an effect, the noise is estimated again from data with the effect
+        (`noise_with`).
         """
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
         """Return the noise hypotheses for other values of the rows, a list of one Hypotheses.
 
-        A detection limit needs them for data with an effect. `values`, (N,), are the residuals of
-        these data. There are two hypotheses: the noise as estimated, and the noise that is most
-        likely for these residuals. The list has one entry because all rows are one group. `base`
-        has the effects in the model.
+        They serve detection limits: an effect is added to the residuals, and the noise is estimated
+        again from the sum. `values`, (N,), is this sum; its sign is the one to which effects are
+        fitted, the reverse of `Linearization.values`. There are two hypotheses: the noise as
+        estimated, and the noise that is most likely for `values`. The list has one entry because
+        all rows are one group. `base` has the effects in the model.
         """
         linearization = self.nearest_linearization(base)
         likelihood = linearization.likelihood
@@ -329,11 +333,11 @@ class PoseProblem:
     def covariance(self, effects):
         """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
-        The fit has the `effects`. The covariance is averaged over the noise hypotheses, the
-        covariances that the noise may have, weighted by their probability. Under one hypothesis it
-        has two terms. The first is the covariance by generalised least squares, times the reduced
-        χ² if that is above one. The second is the square of the difference between the solution
-        under this hypothesis and the fit.
+        The fit has the `effects`. A noise hypothesis is one covariance that the noise may have. The
+        result is the mean over all hypotheses, weighted with their probability, of the sum of two
+        terms. The first is the covariance by generalised least squares, times the reduced χ² if
+        that is above one. The second is ``d dᵀ``, where d is the solution under this hypothesis
+        minus the fit.
 
         The constants of the effects, such as time constants, are uncertain too: their logarithms
         count as further parameters with a prior standard deviation of one.
@@ -381,9 +385,9 @@ class PoseProblem:
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some `effects` to the rows without the folds in `held_out`.
 
-        By default no fold is held out. The fit is not iterated. It is the nearest fit of all poses,
-        plus the linear change of its parameters that the remaining rows ask for. The covariance in
-        the Fit is set to zero, since it is not used.
+        By default no fold is held out. The fit is not iterated. It starts from the nearest fit of
+        all poses, and adds the change of the parameters by linear least squares of the remaining
+        rows. The covariance in the Fit is set to zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
         all_effects = (*self.nuisance_effects, *effects)

@@ -38,10 +38,11 @@ FAR = 3.0
 def pose_candidates(sensor, recording, static_effects=()):
     """Return the variants to try on a sensor at the poses, and the effects that are not tried.
 
-    A variant is an effect with values of its constants. Both results are dicts by type of effect: a
-    tuple of variants, and a status with its reason. `sensor` is the name of the sensor, and
-    `recording` has the poses; without poses both results are empty. Effects of the sensor in
-    `static_effects`, SensorEffects that static records showed, are in neither result.
+    Return two dicts, keyed by type of effect. The first holds a tuple of variants, which are the
+    effect with values of its constants. The second holds the status of an effect that is not tried,
+    and the reason. `sensor` is the name of the sensor, and `recording` has the poses; without poses
+    both dicts are empty. `static_effects` are SensorEffects that static records showed; those of
+    this sensor are in neither dict.
     """
     poses = recording.poses
     if not len(poses):
@@ -169,8 +170,9 @@ def diagnose_poses(problem, reasons):
 def too_few(recording):
     """Return the reasons why there are too few poses or turns to test a sensor, a dict of text.
 
-    The keys are the sensors that cannot be tested; the dict is empty if the `recording` has enough
-    poses and turns.
+    The keys are the sensors that cannot be tested. With too few poses these are both sensors, with
+    too few turns only the gyroscope. The dict is empty if the `recording` has enough poses and
+    turns.
     """
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
     start, attitudes = "calibrated; too few", count_attitudes(recording.poses.f, APART)
@@ -190,8 +192,9 @@ def rejections(result):
     """Return the reasons why calibrations are rejected, a dict of text by sensor.
 
     A calibration is rejected if the data of the sensor contradict each other, or if the sensor
-    changed during the recording and the added effects do not explain the change. `result` is a
-    PoseResult. The dict is empty if no calibration is rejected.
+    changed during the recording and the added effects do not explain the change. If the
+    accelerometer is rejected, the gyroscope is rejected, too, as it needs the directions of
+    gravity. `result` is a PoseResult. The dict is empty if no calibration is rejected.
     """
     rejected, recording = {}, result.problem.recording
     if result.solution is not None:
@@ -209,9 +212,10 @@ def rejections(result):
 def pose_products(recording, sensor):
     """Return the Products to try on a `sensor` at the poses of a `recording`, a tuple.
 
-    Each Product is an effect: a product of powers of outputs. They are tried if the model may still
-    lack an effect. An accelerometer has products of specific force only: at rest the angular rate
-    is zero.
+    Each Product is an effect: a product of powers of outputs, and of the temperature if it changes
+    enough. They are tried if the model may still lack an effect. For the gyroscope the outputs are
+    angular rate and specific force. For the accelerometer they are specific force only, since at
+    rest the angular rate is zero.
     """
     channels = Channels(recording.poses.mid_s, None, None, recording.poses.temperature)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None

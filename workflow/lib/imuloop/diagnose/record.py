@@ -125,12 +125,13 @@ def judge_sensors(choices, sensors, kinds, errors):
     kinds : tuple of str
         Kinds of residuals that judge them.
     errors : ndarray, shape (N, 1)
-        Held-out errors with all added effects.
+        Held-out errors with all added effects; nan in rows that cannot be predicted.
 
     Returns
     -------
     dict
-        Fields of diagnosis.json: ``verdict``, ``slow_noise`` and ``residuals``.
+        Fields of diagnosis.json: ``verdict``; ``residuals``, a dict by kind; and ``slow_noise``,
+        whether the residuals are explained only if slow noise is larger than estimated.
     dict of str to ndarray
         Columns of these kinds of residuals for poses.parquet or moves.parquet.
     """
@@ -215,10 +216,10 @@ def compare_rows(problem, linearization, kinds, errors):
 
 
 def undersampling_error(problem, linearization, floor):
-    """Return the error of the rotations by slow sampling, if it exceeds all other noise.
+    """Return the error that slow sampling causes in the rotations, if it exceeds all other noise.
 
-    Slow sampling misses a part of the motion. Both errors are root mean squares by the noise as
-    estimated.
+    Slow sampling misses a part of the motion. The errors, by sampling and by all other noise, are
+    root mean squares per rotation. They come from the noise as estimated.
 
     Parameters
     ----------
@@ -234,9 +235,10 @@ def undersampling_error(problem, linearization, floor):
     -------
     dict
         The field ``undersampled`` if the error exceeds all other noise; otherwise the dict is
-        empty. The field has the ``error`` by sampling and the error by all ``others``, rad, the
-        sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would be equal: the
-        variance by sampling falls with the rate as the spectrum of the turns does.
+        empty. The field has the ``error`` by sampling and the error by all other noise,
+        ``others``, rad; the sample rate ``rate_hz``; and ``enough_hz``, the rate at which both
+        errors would be equal. The variance by sampling falls with the rate as the spectrum of the
+        turns does.
     """
     rotations, noise = problem.recording.rotations, linearization.factors.noise
     if not rotations.aliased.any():

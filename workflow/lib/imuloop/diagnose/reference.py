@@ -40,8 +40,8 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     Returns
     -------
     dict
-        Fields of diagnosis.json by sensor; empty without a session with a reference, and “not
-        testable” where too few windows can be compared.
+        Fields of diagnosis.json by sensor. The dict is empty if no session has a reference. A
+        sensor has the verdict ``not_testable`` if too few windows can be compared.
     dict of str to ndarray
         Columns of reference.parquet.
     """

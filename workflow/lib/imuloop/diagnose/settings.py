@@ -36,7 +36,8 @@ class DiagnoseSettings:
     def residual_significance(self):
         """Significance for one kind of residual of one device.
 
-        It is the significance divided by the number of kinds of residuals, and by the number of
-        devices of the family.
+        Residuals with a smaller p-value are larger than the noise explains. The value is the
+        significance of all kinds and devices together, divided by the number of kinds of residuals,
+        and by the number of devices of the family.
         """
         return self.significance / RESIDUALS / self.family

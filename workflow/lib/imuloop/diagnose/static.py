@@ -117,7 +117,8 @@ class StaticResult:
 def static_tests(records, settings):
     """Return the number of significance tests of the static records of both sensors, an int.
 
-    There is one test for each kind of effect. `records` has a list of StaticRecords for each
+    It is a part of the number by which the significance level of each test is divided. There is one
+    test for each kind of effect and sensor. `records` has a list of StaticRecords for each
     sensor: means over windows of long rests. `settings` are the DiagnoseSettings.
     """
     used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
@@ -136,9 +137,10 @@ def usable_records(records, settings):
 def static_candidates(sensor, records):
     """Return the variants to try on a sensor in static records, and the effects that are not tried.
 
-    A variant is an effect with values of its constants. Both results are dicts by type of effect: a
-    tuple of variants, and a status with its reason. `sensor` is the name of the sensor, and
-    `records` are its StaticRecords, the means over windows of long rests.
+    Return two dicts, keyed by type of effect. The first holds a tuple of variants, which are the
+    effect with values of its constants. The second holds the status of an effect that is not tried,
+    and the reason. `sensor` is the name of the sensor, and `records` are its StaticRecords, the
+    means over windows of long rests.
     """
     columns = []
     for name in ("t", "output", "other", "temperature"):
@@ -218,10 +220,11 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
 def why_untestable(records, axes, settings):
     """Return the reason, text, why the records of a sensor cannot be diagnosed, or None.
 
-    Possible reasons are: there is no record, the noise of an axis is not known, or an axis never
-    changes. `records` are the StaticRecords, the means over windows of long rests. `axes` has the
-    AxisNoise, the coefficients of the noise, of each axis. `settings.blocks` is the number of
-    folds. The result is None if the records can be diagnosed.
+    Possible reasons are: there is no record, the noise of an axis is not known, an axis never
+    changes, or an axis has spectral lines without noise beside them. The result is None if the
+    records can be diagnosed. `records` are the StaticRecords, the means over windows of long rests.
+    `axes` has for each axis the AxisNoise, which are the coefficients of its noise.
+    `settings.blocks` is the number of folds, which the first reason mentions.
     """
     if not records:
         return (
@@ -338,8 +341,8 @@ def _floor(problem, covariances):
     `problem` is the StaticProblem, with N means over windows on three axes. A held-out error is the
     mean over a window minus the level of its record. The level is the mean of the training rows,
     weighted with the length of each window. `covariances` has a pair for each record and axis: two
-    covariances that the noise of the n means may have, (n, n) each. The noise as estimated is the
-    first.
+    covariances that the noise of the n means may have, (n, n) each. The floor comes from the first
+    one, the noise as estimated. The second one is not used.
     """
     floors = []
     groups = zip(problem.records, problem.evidence.row_groups, covariances, strict=True)
@@ -354,13 +357,13 @@ def _floor(problem, covariances):
 
 
 def _residual_groups(problem, effects, errors, by_noise):
-    """Return the residuals that remain after some effects, a ResidualGroup per record and axis.
+    """Return the residuals that remain after some effects, a list for the comparison with noise.
 
-    `problem` is the StaticProblem, with N means over windows on three axes. `effects` are
-    FittedEffects. `errors`, (N, 3), are the held-out errors with these effects. `by_noise` has two
-    lists for each record and each axis. The first has two covariances that the noise of the n means
-    of the record may have, (n, n) each. The second has the covariances of the held-out errors that
-    follow from them.
+    The list has a ResidualGroup for each record and each of its axes. `problem` is the
+    StaticProblem, with N means over windows on three axes. `effects` are FittedEffects. `errors`,
+    (N, 3), are the held-out errors with these effects. `by_noise` has two lists for each record and
+    each axis. The first has two covariances that the noise of the n means of the record may have,
+    (n, n) each. The second has the two covariances of the held-out errors that follow from them.
     """
     split, groups = problem.evidence.split, problem.evidence.row_groups
     by_record = zip(groups, split(problem.subtract(effects)), split(errors), strict=True)
@@ -402,10 +405,12 @@ def _errors_by_session(axes, problem, errors, floor):
 def _points(problem, effects, errors, floor):
     """Return the points of a plot of the held-out errors over time, a list with a dict per window.
 
-    A point has start, errors without and with effects, floor (the error by the noise alone) and
-    values, SI. `problem` is the StaticProblem. `effects` are the added FittedEffects. `errors` has
-    the held-out errors of the N means without and with effects, and `floor` their variance by the
-    noise alone, (N, 3) each.
+    The dict of a window has its ``session``, ``index`` and start, s. It has three norms over the
+    axes: of the held-out error without effects (``before``), with effects (``after``), and by the
+    noise alone (``floor``). It has the ``values`` of the three axes and, if there are effects, the
+    ``corrected`` values, from which the effects are subtracted. All are SI. `problem` is the
+    StaticProblem. `effects` are the added FittedEffects. `errors` has the held-out errors of the N
+    means without and with effects, and `floor` their variance by the noise alone, (N, 3) each.
     """
     split, points = problem.evidence.split, []
     norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]

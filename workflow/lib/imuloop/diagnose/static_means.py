@@ -102,8 +102,8 @@ class StaticData:
     def subtract(self, effects, calibration):
         """Return the sessions after the output of effects is subtracted, a list of RecordedSession.
 
-        `effects` has the FittedEffects of each sensor: errors of its output ``K (raw - b)``.
-        `calibration` computes this output.
+        From these sessions the noise without effects is estimated. `effects` has the FittedEffects
+        of each sensor: errors of its output ``K (raw - b)``. `calibration` computes this output.
         """
         sessions = []
         for name, samples in self.samples.items():
@@ -127,13 +127,14 @@ def read_static(sessions):
 def rests_to_use(kinds, segments):
     """Return the segments that serve as static records of a device, a dict by session.
 
-    1. A static session counts if it has a rest and no segment of motion. If there are such
-       sessions, the result has all of their segments.
-    2. Otherwise it has the longest rest of any session, if that rest lasts `LONG_REST`.
-    3. Otherwise it is empty.
+    1. A session of the kind ``static`` counts if it has a rest and no segment of motion. If there
+       are such sessions, the result has all of their segments.
+    2. Otherwise the result has the longest rest of any session, if that rest lasts at least
+       `LONG_REST`.
+    3. Otherwise the result is empty.
 
     `kinds` has the kind of each session, and `segments` its table of segments. The result has the
-    `COLUMNS` of the segments.
+    `COLUMNS` of this table.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
@@ -197,10 +198,10 @@ def static_records(session, log, segments, calibration, mean_time):
 def _mean_history(log, ends, sensor, function, *constants):
     """Return the means of a function of the whole `log` over each of n windows, (n, …).
 
-    `function` takes the channels of the log that the effects of `sensor` depend on, and
-    `constants`. It serves effects with a memory, such as a lag, which depend on the history before
-    the present sample. `ends`, (n, 2), has the index of the first sample of each window, and the
-    index of the first sample after it.
+    Effects with a memory, such as a lag, need these means, since they depend on the history before
+    the present sample. `function` takes the channels of the log that the effects of `sensor` depend
+    on, and `constants`, such as a time constant. `ends`, (n, 2), has the index of the first sample
+    of each window, and the index of the first sample after it.
     """
     return _means(function(log.channels(sensor), *constants), ends)
 
@@ -239,8 +240,8 @@ def _means(x, ends):
 def _evaluate(channels, function, *constants):
     """Return the `function` of the `channels` of a log and of some `constants`, (N, …).
 
-    `channels` are the LoggedChannels, with N samples. The function serves effects with a memory,
-    such as a lag, which depend on more than the present sample.
+    `channels` are the LoggedChannels, with N samples. Effects with a memory, such as a lag, need
+    the function on the whole log, since they depend on more than the present sample.
     """
     return function(channels, *constants)
 

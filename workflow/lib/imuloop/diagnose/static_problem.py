@@ -152,8 +152,9 @@ class StaticProblem:
     def most_changed_rows(self, search, base, trial):
         """Return the only kind of residual, ``bias``, and a slice that selects all rows.
 
-        It is the kind that an added effect changes most. `search`, `base` and `trial` say which
-        effect in other problems; here they do not matter, since there is no other kind.
+        In a problem with several kinds, the method returns the kind that an added effect changes
+        most. Such a problem needs `search`, `base` (the effects in the model) and `trial` (the test
+        of the added effect). Here these arguments do not matter.
         """
         return "bias", slice(None)
 
@@ -177,12 +178,14 @@ def ratios(span, length):
     """Return a grid of g pairs of noise ratios to try, (g, 2), and the log prior of each, (g,).
 
     The ratios are ``B²/N²``, Hz, and ``K²/N²``, Hz². N, B and K are the coefficients of white
-    noise, flicker and random walk. The record has the `span` S and windows of `length` τ, s. In
-    mode k of the record, of k half waves, the variance of flicker is ``B² S/(π k τ)`` and the
-    variance of random walk ``K² S²/(π² k² τ)``; white noise has ``N²/τ``. The smallest ratio makes
-    slow noise half as large as white noise in the slowest mode. The largest makes it thirty times
-    as large in the middle mode. A ratio is zero with the prior probability `ABSENT`; else the prior
-    is uniform in the logarithm of the ratio.
+    noise, flicker and random walk. The record has the `span` S and windows of `length` τ, s. A mode
+    of the record is a wave that has k half waves in S; k goes from 1 to S/τ. In mode k, white noise
+    has the variance ``N²/τ``, flicker has ``B² S/(π k τ)``, and random walk ``K² S²/(π² k² τ)``.
+
+    Each ratio takes the value zero, with its prior probability in `ABSENT`, and values between two
+    limits, with a prior that is uniform in the logarithm. At the lower limit, the variance of
+    flicker or random walk is half that of white noise in the slowest mode. At the upper limit, it
+    is at least thirty times that of white noise in the middle mode.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
@@ -238,12 +241,13 @@ def fitted_effects(search, effects):
 def information(search, base, effects):
     """Return the knowledge of static records about q parameters θ of some effects, A and b.
 
-    On each axis ``A = Dᵀ P̃ D/κ``. D is the derivative of the rows with respect to θ, and P̃ is the
-    precision of the noise after the levels of the records are projected out. κ is a factor on the
-    variance: it makes the errors as large as the errors of a fit of the effects to the records. κ
-    is the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D. Σ is the noise
-    covariance averaged over the noise hypotheses, the covariances that the noise may have. The
-    result is the sum over all axes.
+    They are a prior of θ for the fit of the poses. Each is a sum over the axes. An axis with the
+    rows y adds ``Dᵀ P̃ D/κ`` to A and ``Dᵀ P̃ y/κ`` to b. D is the derivative of the rows with
+    respect to θ, and P̃ is the precision of the noise after the levels of the records are projected
+    out. κ is a factor on the variance: it makes the errors as large as the errors of a fit of the
+    effects to the records. It is computed for each column d of D, as the ratio of ``dᵀ P̃ Σ P̃ d``
+    to ``dᵀ P̃ d``, and the largest value is used. Σ is the noise covariance averaged over the noise
+    hypotheses, the covariances that the noise may have.
 
     Parameters
     ----------

@@ -22,15 +22,16 @@ MOST_TIMES, CLOSE = 50, 0.01
 def best_steps(search, base, may_give_up=False):
     """Return the Trial, the significance test, of the best steps of the bias in time, or None.
 
-    `search` is the Search of static records, which have the means over windows of a rest. `base`
-    has the effects that are in the model already. A step changes the bias at one instant. Steps are
-    added one by one, each at the instant that is clearest with the other steps in the model. The
-    search ends if one more step does not lower log p. A second step is tried even if the first one
-    is not significant: as long as the model lacks the second step, it looks like a random walk,
-    which can hide the first.
+    A step changes the bias at one instant. Steps are added one by one, each at the instant that is
+    clearest with the other steps in the model. The search ends if one more step does not lower
+    log p, the logarithm of the p-value of all steps together. A second step is tried even if the
+    first one is not significant: as long as the model lacks the second step, it looks like a random
+    walk, which can hide the first. `search` is the Search of static records, which have the means
+    over windows of a rest. `base` has the effects that are in the model already.
 
-    If `may_give_up` is true, the result is None if the first step is hopeless: its log p, corrected
-    for the number of instants and axes that were tried, is above `HOPELESS`.
+    The result is None if no step can be estimated. If `may_give_up` is true, it is also None if the
+    first step is hopeless: its log p, corrected for the number of instants and axes that were
+    tried, is above `HOPELESS`.
     """
     best, steps, log_tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
@@ -53,10 +54,11 @@ def best_steps(search, base, may_give_up=False):
 def most_promising_step(search, base, earlier=()):
     """Return log p of the clearest step, the step itself, and the number of instants tried.
 
-    A step changes the bias at one instant. The clearest one has the smallest p-value on one axis,
-    of all instants and axes. The step is None if no window is left. `search` is the Search of
-    static records, which have the means over windows of a rest. `base` has the effects that are in
-    the model, the `earlier` steps included. Windows close to the earlier steps are not tried.
+    A step changes the bias at one instant. All instants and axes are compared; the clearest step
+    has the smallest p-value on its axis. The number of instants serves to correct the p-value. The
+    step is None, with log p zero, if no window is left to try. `search` is the Search of static
+    records, which have the means over windows of a rest. `base` has the effects that are in the
+    model, the `earlier` steps included. Windows close to the earlier steps are not tried.
     """
     # log p, axis and step; the first entry stands for the case without a step, whose p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
@@ -112,15 +114,17 @@ def pose_step(sensor, search, base, may_give_up=False):
 
     `sensor` is the name of the sensor, and `search` the Search in the poses. Times in the middle of
     the poses are tried first, then times ever closer to the best of them, since a step may lie
-    within a pose or between two. This search for the time is done twice, because each way can fail:
+    within a pose or between two. This search for the time is done with two sorts of noise, because
+    each can fail, and the more significant of the two steps is returned:
 
-    - With the noise averaged over all noise hypotheses: under the likeliest noise without a step,
-      the residuals that the step causes would count as noise.
-    - With the noise as estimated: if a hand trembles, this noise is far too small, and hardly tells
-      one time from another.
+    - The noise is as estimated. This fails if a hand trembles: the noise is then far too small, and
+      hardly tells one time from another.
+    - The noise is averaged over all noise hypotheses, the covariances that it may have. This fails
+      if a hypothesis with large noise counts the residuals that the step causes as noise.
 
-    `base` has the effects that are in the model already. `may_give_up` changes nothing: the first
-    times are quick to test. The result is None with too few poses, or if no step can be estimated.
+    `base` has the effects that are in the model already. `may_give_up`, which lets other scans stop
+    early, changes nothing here: the first times are quick to test. The result is None with too few
+    poses, or if no step can be estimated.
     """
     middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * least:
@@ -142,10 +146,11 @@ def _refine_time(sensor, search, base, times, log_tries, hypotheses):
     """Return the step of a `sensor`'s bias at the clearest time, a SensorEffect, or None.
 
     The `times`, s, are tried first. If the best of them is clearer than chance, times ever closer
-    to it are tried, until they differ by `CLOSE`. The result is None if no step can be estimated.
-    `search` is the Search in the poses, `base` has the effects in the model, and `log_tries` is the
-    logarithm of the number of tries. `hypotheses`, (h,) of bool, is the mask of the noise
-    hypotheses by which times are compared.
+    to it are tried, until they differ by less than `CLOSE`. “Clearer than chance” means that log p
+    plus `log_tries`, the logarithm of the number of tries, is at most zero. The result is None if
+    no step can be estimated. `search` is the Search in the poses, and `base` has the effects in the
+    model. A noise hypothesis is one covariance that the noise may have; `hypotheses`, (h,) of bool,
+    selects those of all h by which times are compared.
     """
     spacing = np.diff(times).max() / 2
     while True:
@@ -179,8 +184,9 @@ def _chi_square_drops(score, information):
     """Return for each of f columns by how much χ² falls if this column alone is fitted, (f,).
 
     A column is the derivative of the residuals with respect to the size of a step at one time.
-    `score`, (f,), are the products of each column and the residuals, and `information`, (f,), the
-    squares of the columns. Both are weighted with the precision of the noise.
+    `score`, (f,), has the product of each column and the residuals, and `information`, (f,), the
+    product of each column with itself. Both products are weighted with the precision of the noise.
+    A column that the level of a record explains has the result zero.
     """
     # a column that the level of the record explains has a square of rounding errors only
     shown = information > 1e-9 * information.max()

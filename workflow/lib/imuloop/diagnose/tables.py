@@ -19,10 +19,11 @@ COMPONENTS = {
 
 
 def _names_of(kind):
-    """Return the names of the columns of one `kind` of residual, a list: errors, then the floor.
+    """Return the names of the columns of one `kind` of residual, a list of str.
 
-    Each error has a column for each component of the residual, and first one for the norm if there
-    are several components. The floor is the error that the noise alone gives.
+    Each error in `ERRORS` has a column for each component of the residual. If there are several
+    components, a column for their norm comes before them. The last name is the column of the
+    floor, which is the error that the noise alone gives.
     """
     ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
     return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
@@ -77,7 +78,8 @@ def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
     `poses` are the Poses, `names` are the names of the sessions, and `residuals` the columns of
-    residuals, a dict of arrays. Missing columns are nan.
+    residuals, a dict of arrays. A column without data, such as the temperature of a device without
+    a thermometer, is nan.
     """
     means = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
     if poses.temperature is not None:
@@ -100,7 +102,8 @@ def moves_table(recording, names, gyroscope, force, residuals):
     gyroscope : SensorCalibration
         The calibration that gives the angular rate.
     force : ndarray, shape (m, k, 3)
-        Calibrated specific force at the k samples of each move, for effects of the gyroscope.
+        Calibrated specific force at the k samples of each move. It is used if the gyroscope has
+        effects, as these may depend on it.
     residuals : dict of str to ndarray, shape (m,)
         Columns of residuals.
     """
@@ -128,9 +131,9 @@ def no_tables():
 
 
 def _place(poses, indices, names, times):
-    """Return the columns that say where a pose or move is, a dict of arrays.
+    """Return the columns that identify each pose or move of a table, a dict of arrays.
 
-    They are session, number of the pose in the session, start and end, s.
+    The columns are the session, the number of the pose in the session, and the start and end, s.
 
     Parameters
     ----------
