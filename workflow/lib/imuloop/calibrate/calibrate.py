@@ -48,12 +48,12 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
     """Return the JointFit, the set-up of a fit of both sensors, and why a sensor cannot be fitted.
 
-    The JointFit has the parameters from which its iterations start: the result of a first fit, in
-    which all residuals of a kind, such as rotations, have the same standard deviation, from
-    `START`. So the variances of the noise are estimated near the solution even if the solution is
-    far from the prior. The start is the mean of the prior instead if the first fit does not
-    converge, or if the root mean square of its residuals is above `MISFIT` of these standard
-    deviations: the data then contradict each other.
+    The iterations of the JointFit start at the result of a first fit, in which all residuals of a
+    kind, such as rotations, have the same standard deviation, given in `START`. So the variances of
+    the noise are estimated near the solution even if the solution is far from the prior. Exception:
+    the iterations start at the mean of the prior if the first fit does not converge, or if its
+    residuals, each divided by its standard deviation from `START`, have a root mean square above
+    `MISFIT`. The data then contradict each other.
 
     Parameters
     ----------
@@ -115,10 +115,10 @@ def prior_rows(prior, turns, bias):
     """Return the prior of the 21 parameters x of a fit as k linear equations ``R x = z``.
 
     R, (k, 21), and z, (k,), are scaled so that, by the prior, the components of ``R x - z`` are
-    independent with mean zero and variance one. The first 21 equations are from the Prior `prior`,
-    and the next from `turns`, the KnownTurns (turns of a declared angle or rate), or None. `bias`
-    is None or the gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of
-    the prior.
+    independent with mean zero and variance one. The first 21 equations are from the Prior `prior`.
+    All further ones are from `turns`, the KnownTurns (turns of a declared angle or rate); if
+    `turns` is None, there are 21 only. `bias` is the gyroscope's bias and its variance, nominal SI,
+    (3,) each, which replace the bias of the prior. If it is None, the bias of the prior is kept.
     """
     if bias is not None:
         prior = prior.with_part(BIAS, mean=bias[0], covariance=np.diag(bias[1]))
@@ -143,8 +143,8 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
     units : dict of str to RawUnit
         Raw unit of each sensor, its scale and offset by the data sheet.
     settings : CalibrateSettings
-        Its `gyroscope_bias` is ``initial_rest`` if the bias of the gyroscope is not fitted, but is
-        the mean angular rate over the first rest.
+        If its `gyroscope_bias` is ``initial_rest``, the bias of the gyroscope is not a parameter of
+        the fit: it is taken as the mean angular rate over the first rest.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
@@ -189,8 +189,8 @@ def contradictions(joint, solution, recording):
     - the fit gives values that no sensor has;
     - the residuals of the sensor are larger than the prior allows;
     - the sensor changed during the recording, and the effects of the fit do not explain the change.
-      A change is looked for in the first two cases, whose reason it replaces, and if the reduced χ²
-      is above `CONTRADICTORY`.
+      A change is looked for only if one of the first two cases holds, or if the reduced χ² of the
+      sensor is above `CONTRADICTORY`. If a change is found, only the change is given as the reason.
 
     The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, where r are the n residuals of the sensor after the
     fit, J is their Jacobian, and P₀ the covariance of the prior. The trace is the expected value of
@@ -243,9 +243,10 @@ def calibrate_device(
 ):
     """Write two JSON files: the six-position and the multi-position calibration of a device.
 
-    Turns by a known angle or at a known rate are part of the multi-position calibration. If the
-    multi-position sessions have no pose, this calibration has the bias of the gyroscope in the
-    static sessions.
+    Turns by a known angle or at a known rate are part of the multi-position calibration. Exception:
+    if neither the multi-position sessions nor those of known turns have a pose, the gyroscope in
+    the multi-position file has no calibration but its bias, which is then measured in the static
+    sessions.
 
     Parameters
     ----------

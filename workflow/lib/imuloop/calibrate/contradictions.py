@@ -62,8 +62,9 @@ class Errors:
     def sizes(self):
         """Return the norm of each error, (m,), after a robust fit of nine parameters.
 
-        The fit to all errors is of the first nine parameters of the sensor, such as its scale
-        factors.
+        The fit is to all errors; its parameters are the first nine of the sensor, such as its scale
+        factors. An error that is still large after the fit belongs to a pose or a rotation that
+        contradicts all others.
         """
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
@@ -136,11 +137,11 @@ def fit_gravity_norm(f):
 def sensor_errors(sensor, recording):
     """Return the Errors of a sensor in a Recording: of its n poses or of its m rotations.
 
-    `sensor` is the name of the sensor, and `recording` the Recording. For the accelerometer they
-    are the errors of the norm of gravity at the n poses, in units of gravity, after a fit of its
-    nine parameters. For the gyroscope they are the errors of the m rotations, rad, with the nominal
-    misalignment T and scale factors K. A rotation carries the direction of gravity from one pose to
-    the next. Its error has two components, both across the direction of gravity that the
+    `sensor` is the name of the sensor, and `recording` the Recording. For the accelerometer the
+    Errors are the errors of the norm of gravity at the n poses, in units of gravity, after a fit of
+    its nine parameters. For the gyroscope the Errors are those of the m rotations, rad, with the
+    nominal misalignment T and scale factors K. A rotation carries the direction of gravity from one
+    pose to the next. Its error has two components, both across the direction of gravity that the
     accelerometer measures at the next pose. The bias in a rotation is taken as the mean angular
     rate at both poses, because the bias may drift.
     """
@@ -182,15 +183,16 @@ def odd_turns(recording):
 
     `recording` is the Recording. The first result is a mask, (m,). The second has the size of the
     error of each rotation, rad, (m,), after a robust fit of the gyroscope to all rotations. A
-    rotation is odd, so that it contradicts all others, if its error is larger than each of these:
+    rotation is called odd, and contradicts all others, if its error is larger than each of these:
 
     - `TURN`;
     - `TIMES` the median of all errors;
     - `TIMES` the standard deviation that undersampling, missing samples, jitter and the uncertain
       direction of gravity give this error.
 
-    The mask is false everywhere if there are fewer than `FEWEST` rotations, or if the number of odd
-    rotations is above one and above `SHARE` times m.
+    Exception: the mask is false everywhere if there are fewer than `FEWEST` rotations, if a sensor
+    has no values at a pose, or if there are two or more odd rotations and these are more than
+    `SHARE` times m. In the first two cases all sizes are zero.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
@@ -211,8 +213,9 @@ def find_change(errors, fewest, least):
     For each k, the errors are divided in two parts: those before k, and those from k on. The
     parameters of the sensor are fitted to one part and predict the errors of the other part. The
     sensor may have changed at k if at least the fraction `MOST` of the predictions contradict the
-    errors. Several k may qualify. The result is one of those whose fit has residuals of at most
-    `UNEVEN` times the smallest residuals of any: the k whose fit is to the most errors.
+    errors. Several k may qualify. First those are dropped whose fit has residuals with a standard
+    deviation of more than `UNEVEN` times the smallest one. Of the k that remain, the result is the
+    one whose fit uses the most errors.
 
     Parameters
     ----------
@@ -241,7 +244,7 @@ def find_change(errors, fewest, least):
 
 
 def _predict_others(errors, fitted, least):
-    """Return how well a fit to some errors predicts all others: two numbers.
+    """Return two numbers that tell how well a fit to some errors of a sensor predicts all others.
 
     The nine parameters of a sensor are fitted to the Errors `errors` that the mask `fitted`, (m,),
     chooses, and predict the other errors. The first result is the standard deviation of the

@@ -45,10 +45,11 @@ def errors_of_time(t, w, begin, last, bias, variance):
         Covariance of the error that arises in each of `PARTS` equal parts of a rotation, on body
         axes, rad².
     accurate : ndarray of bool, shape (m,)
-        Whether a rotation can be used: the standard deviation of its angle by all gaps is at most
-        the standard deviation by the noise of the gyroscope, or `LARGEST_ERROR` times the angle.
+        Whether a rotation can be used. It can if all gaps together give its angle an error whose
+        standard deviation is at most the standard deviation that the noise of the gyroscope gives
+        the angle, or at most `LARGEST_ERROR` times the angle.
     longest : ndarray of int, shape (m,)
-        Largest number of samples dropped in a row.
+        Largest number of samples dropped in a row in each rotation; zero if none was dropped.
     """
     steps = np.diff(t)
     usual = np.median(steps)
@@ -87,11 +88,13 @@ def _estimate_jitter(t, w, usual):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the angle over each time step due to samples lost in it, rad².
+    """Return the covariance of the error that lost samples cause in the angle of each step, rad².
 
-    The result has the shape (k - 1, 3, 3) for a rotation of k samples: a matrix for each step, on
-    the axes of the body. It is zero for a step without lost samples, and infinite if the rotation
-    has fewer than `FEWEST` places without lost samples where the error can be measured. `w` is the
+    A step leads from one logged sample to the next, and is long if samples between them were lost.
+    The error is measured elsewhere in the same rotation: as many samples are left out where none
+    was lost, and interpolated. The result has the shape (k - 1, 3, 3) for a rotation of k samples:
+    a matrix for each step, on the axes of the body. The matrix is zero for a step without lost
+    samples, and infinite if there are fewer than `FEWEST` places to measure the error. `w` is the
     angular rate, rad/s, (k, 3), `lost` the number of samples lost in each step, (k - 1,), and
     `usual` the median step of the log, s.
     """

@@ -17,8 +17,9 @@ def read_turns(sessions, force):
     """Return the KnownTurns of a device, its turns by a declared angle or at a declared rate.
 
     `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
-    ``samples`` and ``segments``. `force` is the SensorCalibration of the accelerometer. The bias of
-    the gyroscope is its mean over all rests of these sessions.
+    ``samples`` and ``segments``. `force` is the SensorCalibration of the accelerometer, which
+    measures the vertical. The bias of the gyroscope in the KnownTurns is its mean over all rests of
+    the sessions with such turns, and zero if they have no rest.
     """
     turns, rests = [np.zeros((0, 7))], [np.zeros((0, 4))]
     for session, table in usable_sessions(sessions, "known_rotation"):

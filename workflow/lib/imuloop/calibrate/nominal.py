@@ -49,16 +49,16 @@ def nominal_sensors(reasons, recording, noise, units, prior):
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
-    """Return the SensorCalibration of a gyroscope whose bias alone is measured, at rest.
+    """Return the SensorCalibration of a gyroscope of which only the bias is measured, at rest.
 
     The bias is the mean over the poses, weighted by the inverse covariance of their noise. This
-    mean has a variance by the noise. If the variance ``s²/c`` by the scatter between c power cycles
-    is larger, the bias is the mean over the power cycles instead, with this variance; s² is the
-    sample variance of their biases.
+    mean has a variance by the noise. The biases of c power cycles scatter with the sample variance
+    s². If ``s²/c`` is larger than the variance by the noise, the bias is the mean over the power
+    cycles instead, and its variance is ``s²/c``.
 
-    The bias is not measured, and the result nominal, if there are no rests, if the noise of an axis
-    is not known, or if the biases before and after the time `changed` differ by more than `SAME`
-    standard deviations.
+    Exception: the bias is not measured, and the result has the values of the data sheet, if there
+    are no rests, if the noise of an axis is not known, or if the biases before and after the time
+    `changed` differ by more than `SAME` standard deviations.
 
     Parameters
     ----------
@@ -77,7 +77,11 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
 
     def mean_over(rows):
-        """Return the mean rate over poses of the mask `rows`, (3,), and their weights, (3, n)."""
+        """Return the mean rate over some poses, (3,), and the weights of all n poses, (3, n).
+
+        The mask `rows`, (n,), chooses the poses; the weights of all others are zero. Each axis has
+        its own weights.
+        """
         shares = weights * rows
         shares /= shares.sum(axis=1, keepdims=True)
         return np.sum(shares * poses.w.T, axis=1), shares

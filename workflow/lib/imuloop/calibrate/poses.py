@@ -173,8 +173,8 @@ def rounding_variance(samples, variance):
     Samples are rounded to multiples of a step q, the smallest distance between their values. The
     true value at rest lies anywhere between two multiples, and the samples have white noise of
     standard deviation σ. The rounding error of the mean then has the variance
-    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is q²/12 without noise, and below
-    1 % of this if σ is larger than q/2.
+    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. The variance is q²/12 without noise, and
+    less than 1 % of q²/12 if σ is larger than q/2.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def add_rounding(poses, logs):
 
 
 def add_tilt_turns(poses, logs):
-    r"""Set the fields of Poses, in place, for small rotations within a pose, as in a hand.
+    r"""Correct Poses, in place, for small rotations within a pose, as of a device held in a hand.
 
     The fit takes a pose as one attitude. If the device tilts in a pose, this is the mean attitude.
     Let φ(t) be the rotation since the start of the pose, the integral of the angular rate, and φ̄
@@ -225,10 +225,12 @@ def add_tilt_turns(poses, logs):
     tilt these fields change:
 
     - `to_ends_s` and `w_to_ends`. The rotation from the mean attitude to the start of the pose is
-      -φ̄, and to its end φ(end) - φ̄. Each is stored as a time, which is negative to the start, and
-      the mean angular rate over this time. The bias in this rate is known only after the fit.
-    - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias. It
-      grows by the squared rate of a steady rotation with the root mean square of the tilt.
+      -φ̄, and to its end φ(end) - φ̄. Each of these two rotations is stored as a time and the mean
+      angular rate over this time. The time is counted from the mean time of the samples, so the one
+      to the start is negative. The bias in this rate is known only after the fit.
+    - `extra_variance` of the angular rate grows, because a slow rotation looks like a bias. What is
+      added is ω², where ω is the rate of a steady rotation that lasts as long as the pose and has
+      the same root mean square of the tilt.
     - `f` and `w` become weighted means, unless the rest was interrupted. A hand that moves at the
       ends of a rest accelerates the device. So the weights fall to zero over `FADE` seconds at
       both ends. `f` is also made longer: the mean of unit vectors at the angles ε from their mean

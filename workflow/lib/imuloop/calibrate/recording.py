@@ -94,7 +94,7 @@ class Recording:
 
     @cached_property
     def means(self):
-        """ChannelMeans of the recording: covariances of the mean noise over poses and rotations."""
+        """ChannelMeans, which give the covariance of the noise of means over poses and turns."""
         return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):
@@ -186,9 +186,9 @@ class Recording:
     def calibrated_force(self, calibration):
         """Return the calibrated specific force, m/s^2, at the n poses and along the m rotations.
 
-        The results have the shapes (n, 3) and (m, k, 3), with k samples per rotation. `calibration`
-        is the SensorCalibration of the accelerometer, with its effects. Effects that depend on the
-        angular rate take this rate in nominal SI.
+        The first result, (n, 3), has the force at the poses; the second, (m, k, 3), has it at the k
+        samples of each rotation. `calibration` is the SensorCalibration of the accelerometer, with
+        its effects. Effects that depend on the angular rate take this rate in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
         at_poses = self.pose_channels("accelerometer", calibration.output, poses.w)
@@ -245,9 +245,10 @@ class Recording:
 
         @cache
         def history(function, *constants):
-            """Return the values of `function` of the whole log at the points of the Channels.
+            """Evaluate `function` on each whole log, and return its values at the points wanted.
 
-            `constants` are its arguments after the Channels.
+            The points are those of the Channels. `constants` are the arguments of `function` after
+            the first one, the LoggedChannels of a log.
             """
             by_session = {}
             for session in set(self.poses.session.tolist()):

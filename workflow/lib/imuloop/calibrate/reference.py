@@ -41,16 +41,18 @@ class SetUp:
     def errors(self, folds, without=()):
         """Return the held-out errors of the n residuals in a cross-validation, (n,), SI.
 
-        The held-out error of a residual is its value with shared parameters that are fitted to all
-        residuals but those of its fold. The shared parameters are the same for all sessions; the
-        other parameters x are fitted to all residuals. The residuals are taken as linear in x.
+        The held-out error is a residual that is computed with parameters to which its own fold was
+        not fitted. This holds for the shared parameters, which are the same for all sessions.
+        Exception: the parameters of single sessions, such as a bias, are fitted to all residuals.
+        The residuals are taken as linear in x.
 
         Parameters
         ----------
         folds : ndarray of int, shape (n,)
             Fold of each residual. Residuals of fold -1 are never held out.
         without : sequence of int, optional
-            Indices in x of parameters that are set to zero.
+            Indices in x of parameters that are set to zero, to see how much the errors grow without
+            them.
         """
         jacobian, residual = self.white[:, :-1], self.white[:, -1]
         # the residuals if the parameters `without` are zero, and the Jacobian of the others
@@ -89,7 +91,7 @@ def fit_set_up(windows, noise):
 
 
 def _fit_round(windows, noise, prior, start):
-    """Return the SetUp of one round of the fit; the rounds repeat it with better weights.
+    """Return the SetUp of one round of the fit; each round has better weights than the one before.
 
     The variances of the residuals and their Jacobian are computed at the p parameters `start`, SI,
     (p,), which are the result of the round before. The Jacobian is constant in the fit, because it
@@ -104,7 +106,10 @@ def _fit_round(windows, noise, prior, start):
     jacobian = slope / size[:, None]
 
     def white(x):
-        """Return n residuals and p parameters `x`, over their standard deviations, (n + p,)."""
+        """Return the n residuals at `x` and then the p parameters `x`, as one array, (n + p,).
+
+        Each residual is divided by its standard deviation, and each parameter by that of the prior.
+        """
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
     x = least_squares(white, start, lambda x: jacobian, method="lm", x_scale="jac").x
@@ -122,10 +127,10 @@ def _estimate_variance(values, floor):
     """Return the variance of a residual in each of m windows, (m,), for the weights of a fit.
 
     `values` are the residuals, (m, 3). The result is the variance by the noise, `floor`, (m,), plus
-    a variance that all windows share. This shared variance follows from the median of the sum of
-    squares of a window, because the median of χ² with three degrees of freedom is 2.366. Windows
-    above three standard deviations get a larger variance, as by Huber's weights, so that their
-    influence is limited.
+    a variance that all windows share. The shared variance is estimated from a median, which
+    outliers hardly change: the sum of squares in a window has the median 2.366, that of χ² with
+    three degrees of freedom, times the variance. Windows above three standard deviations get a
+    larger variance, as by Huber's weights, so that their influence is limited.
     """
     square = (values**2).sum(axis=1)
     variance = floor + max(np.median(square / 2.366 - floor), 0.0)

@@ -56,7 +56,8 @@ def read_reference(sessions, calibration):
 
     `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
     ``samples`` and ``segments``. `calibration` is the Calibration of the device. It is applied to
-    the samples, but for effects that depend on time or on channels that not every log has.
+    the samples. Exception: its effects that depend on time, or on channels that not every log has,
+    such as temperature, are not subtracted.
     """
     logs, sensors = {}, {}
     for name in SENSORS:
@@ -267,7 +268,7 @@ class Turns(Windows):
 
         The noise is the error of the reference's attitude at both ends of each of m windows, and
         the white noise of the gyroscope over the window, by the NoiseModel `model`. The parameters
-        `x` do not matter.
+        `x` are not used; all subclasses of Windows have the same arguments.
         """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)

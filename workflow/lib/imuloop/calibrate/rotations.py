@@ -96,8 +96,8 @@ def gather_rotations(poses, logs, segments, longest_s):
     """Return the Rotations between consecutive poses of a session, and a count of those left out.
 
     A rotation is left out if it lasts longer than `longest_s`, crosses a gap or has a clipped
-    angular rate. It is also left out if missing samples make its angle too uncertain, by the result
-    of `errors_of_time`.
+    angular rate. It is also left out if missing samples make its angle too uncertain;
+    `errors_of_time` decides on this.
 
     Parameters
     ----------

@@ -106,8 +106,8 @@ def first_log(sessions):
     """Return the metadata of the log from which the units of the device are taken, a dict.
 
     It is the log of the session whose kind is first in `KINDS`. `sessions` are the sessions by
-    name. A session without samples comes last, because the units of a log that was not read are not
-    known.
+    name. Exception: a session without samples is chosen only if no session has samples, because the
+    units of a log that was not read are not known.
     """
 
     def order(session):
@@ -143,7 +143,8 @@ def layout(sessions):
 def hashes(sessions):
     """Return the SHA-256 of each file of the sessions' logs, a tuple of str without duplicates.
 
-    `sessions` are the sessions by name.
+    `sessions` are the sessions by name. By the hashes a later calibration finds out whether its
+    logs are the same.
     """
     files = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
     return tuple(dict.fromkeys(value for by_file in files for value in by_file.values()))

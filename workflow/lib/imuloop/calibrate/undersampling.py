@@ -46,8 +46,8 @@ def aliased_turns(t, w, begin, last, bias, variance):
     as |W|² = a f⁻ᵖ, a power law of the frequency f. So the error has the variance 2 a f_s⁻ᵖ ζ(p) on
     each axis, where ζ is Riemann's zeta function. The spectrum below half the sampling rate gives
     p, which is the same for all rotations, and a of each rotation. The sensor is taken to sample at
-    instants. Means over each step would have no such error, and a low-pass filter in the sensor
-    shows as a larger p.
+    instants. A sensor that gives the mean rate over each step would have no such error. A low-pass
+    filter in the sensor makes p larger, and so the error smaller.
 
     Parameters
     ----------
@@ -93,10 +93,11 @@ def aliased_turns(t, w, begin, last, bias, variance):
 def _band_energies(turns, numbers, longest):
     """Return the energy of each of m rotations in bands of frequency, (m, BANDS).
 
-    It is the mean over the three axes. The bands divide the frequencies from a quarter to half the
-    sampling rate. `turns` has for each rotation the angular rate less the bias, rad/s, (k, 3), at
-    its k samples. `numbers` has for each rotation the number of each sample, (k,), in which dropped
-    samples count. The rate at dropped samples is interpolated. `longest` is the number of samples
+    The energy of a band is the mean over the three axes and over the frequencies of the band. The
+    bands divide the frequencies from a quarter to half the sampling rate. `turns` has for each
+    rotation the angular rate less the bias, rad/s, (k, 3), at its k samples. `numbers` has for each
+    rotation the position of each sample, (k,), in the sequence 0, 1, … that would have been logged
+    without drops. The rate at dropped samples is interpolated. `longest` is the number of samples
     of the longest rotation, dropped ones included.
     """
     # the length of the transform is a multiple of 4 BANDS, so that all bands have as many
@@ -137,7 +138,10 @@ def _fit_power_law(energy, noise, n):
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def fit_sizes(p):
-        """Return the sizes a f_s⁻ᵖ at the exponent `p`, (m, 1), and the negative log-likelihood."""
+        """Return the best sizes a f_s⁻ᵖ at an exponent `p`, (m, 1), and the misfit.
+
+        The misfit is minus the logarithm of the likelihood; the best p makes it smallest.
+        """
         spectrum = zeta(p, x) + zeta(p, 1 - x)
         size = np.zeros((len(n), 1))
         # weighted least squares, with weights by the result of the step before

@@ -27,10 +27,12 @@ def needs_rate(sensor):
 
 
 def subtracted(sensor):
-    """Return the effects that C can compute from one sample, a list of (FittedEffect, terms).
+    """Return the effects that C can compute from one sample, with their C expressions, a list.
 
-    Each of the terms has the index of an axis, and the C expression to subtract from the output of
-    this axis. `sensor` is the dict of a sensor's values that `values.sensor_values` returns.
+    Each entry is a tuple of a FittedEffect and a list of terms. A term is a tuple of the index of
+    an axis and the C expression to subtract from the output of this axis. Effects that are not in
+    `CARRIED` are left out. `sensor` is the dict of a sensor's values that `values.sensor_values`
+    returns.
     """
     return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
@@ -78,7 +80,7 @@ def _clamped(fitted, name, expression):
     """Return a C expression that limits `expression` to its range in the data of the fit.
 
     `expression` is the C expression by which the parameter `name` of `fitted`, a FittedEffect, is
-    multiplied. It is returned as it is if its range is not known.
+    multiplied. If the range is not known, `expression` is returned unchanged.
     """
     if name not in fitted.ranges:
         return expression
@@ -87,7 +89,7 @@ def _clamped(fitted, name, expression):
 
 
 def _warmer(fitted):
-    """Return a C expression of how much warmer it is than the reference of an effect, K.
+    """Return a C expression of the temperature less the reference temperature of an effect, K.
 
     `fitted` is the FittedEffect, which has the reference temperature.
     """

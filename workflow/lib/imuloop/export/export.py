@@ -108,9 +108,11 @@ def read_exported(device):
 def reference_parameters(diagnosis, qualities):
     """Return the parameters of the effects that a comparison with a reference showed, SI.
 
-    They are a dict by (sensor, effect). `diagnosis` is the content of diagnosis.json, and
-    `qualities` has the content of quality.json of each session. The time offset is left out if the
-    reference has its own clock, because the next recording has another offset.
+    The result is a dict. Its keys are tuples of the names of a sensor and of an effect; each value
+    is a dict with the value of each parameter of this effect by name. `diagnosis` is the content of
+    diagnosis.json, and `qualities` has the content of quality.json of each session. Exception: the
+    time offset is left out if the reference has its own clock, because the next recording has
+    another offset.
     """
     own_clock = any(q.get("reference", {}).get("clock", {}).get("own") for q in qualities)
     return {

@@ -42,7 +42,7 @@ def float32(value):
 def rows(matrix):
     """Return the inside of a MATLAB literal of the array `matrix`: rows with semicolons between.
 
-    It has no brackets.
+    The brackets around the literal are left out.
     """
     return "; ".join(numbers(row, " ") for row in np.atleast_2d(matrix))
 

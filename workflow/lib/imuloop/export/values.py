@@ -41,7 +41,7 @@ class Exported:
 
 
 def reasons(exported):
-    """Return the parts that formats may need and a device lacks, a dict of the reason for each.
+    """Return why a device lacks parts that formats may need, a dict: name of a part, and reason.
 
     `exported` is the Exported of the device. The parts are ``calibration`` (of at least one
     sensor); ``accelerometer`` and ``gyroscope``, the calibration of this sensor; ``rate``, the
@@ -159,10 +159,10 @@ def left_out(sensor, name):
     """Return the parts of a sensor's calibration that some formats cannot hold, a list of dict.
 
     `sensor` is the SensorCalibration, and `name` the name of the sensor. Each part has a ``name``.
-    The first is the misalignment, unless T is the identity; its ``angle``, deg, is the largest
-    magnitude in T off the diagonal. All further parts are effects. An effect has its ``equation``,
-    its ``constants``, and ``largest``, a dict with the largest magnitude of its parameters of each
-    unit.
+    The first part is the misalignment; its ``angle``, deg, is the largest magnitude in the matrix T
+    off the diagonal. Exception: it is not listed if T is the identity. All other parts are effects.
+    An effect has its ``equation``, its ``constants``, and ``largest``, a dict with the largest
+    magnitude of its parameters of each unit.
     """
     angle = np.abs(sensor.T - np.eye(3)).max() / DEGREE
     parts = [{"name": "misalignment", "angle": angle}] if angle else []

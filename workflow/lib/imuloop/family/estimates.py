@@ -21,9 +21,10 @@ _REACH = 1.959964
 class Estimates:
     """The value of one parameter in each of n devices, with its standard error.
 
-    Both are nan for a device whose data do not determine the parameter. The values are in nominal
-    SI: raw readings with the offset and scale of the data sheet. For a noise coefficient they are
-    natural logarithms, so that differences and the spread between devices are relative.
+    Value and standard error are nan for a device whose data do not determine the parameter. The
+    values are in nominal SI: raw readings with the offset and scale of the data sheet. For a noise
+    coefficient they are natural logarithms, so that differences and the spread between devices are
+    relative.
     """
 
     name: str  # ``accelerometer.K0``, ``gx.N``
@@ -82,8 +83,8 @@ def estimates_of_noise(noises):
 def logarithm(coefficient):
     """Return the natural logarithm of a noise coefficient, and its standard error.
 
-    `coefficient` is the Coefficient. The error follows from its 95 % interval. Both are nan if the
-    value or the interval is not known.
+    `coefficient` is the Coefficient. The standard error follows from the 95 % interval of the
+    coefficient. Logarithm and error are nan if the value or the interval is not known.
     """
     value, interval = coefficient.value, coefficient.ci95
     if not value or not interval or interval[1] <= value:

@@ -49,9 +49,11 @@ def read_member(folder):
 def tried_effects(diagnosis):
     """Return the p-value of each effect that a diagnosis tested, and whether the effect was added.
 
-    An added effect is part of the device's calibration. `diagnosis` is the content of
-    diagnosis.json. The result is a dict. Its keys are tuples: sensor, kind of data (static, poses
-    or reference), and name of the effect. Its values are (p-value, bool).
+    `diagnosis` is the content of diagnosis.json. The result is a dict with an entry for each
+    effect. The key is a tuple of three texts: the sensor, the kind of data (static, poses or
+    reference), and the name of the effect. The value is a tuple of the p-value and a bool, which is
+    true if the effect was added to the device's calibration. An effect without a p-value has no
+    entry.
     """
     return {
         (sensor, record, entry["name"]): (entry["p_value"], entry["status"] == "added")
@@ -101,9 +103,9 @@ def compare_parameter(estimates, members):
     """Return the content of family.json on one parameter, a dict, and k p-values, (k,).
 
     There is a p-value for each of the k devices whose data determine the parameter: the probability
-    that a usual device differs from all others by at least as much as this one. It is not adjusted
-    for other tests. The mean and the values of a noise coefficient are in its unit; its spread and
-    standard errors are relative.
+    that a device which is not odd differs from all others by at least as much as this one. The
+    p-values are not yet adjusted for the number of tests. The mean and the values of a noise
+    coefficient are in its unit; its spread and standard errors are relative.
 
     Parameters
     ----------
@@ -138,11 +140,12 @@ def effects(members):
     """Return the entries of family.json on effects, a list of dict, the smallest p-value first.
 
     An effect is an error of a sensor, such as a drift of its bias. `members` are the Members of a
-    type. There is an entry for each effect that at least `LEAST` devices tested. The null
-    hypothesis is that fewer than half of these devices have the effect. Its p-value is Fisher's
-    combination of the larger half of the p-values of the devices (partial conjunction), adjusted
-    for all effects by Holm's method. So one device cannot show an effect of the type, but all
-    devices together can show an effect that none of them shows by itself.
+    type. There is an entry for each effect that at least `LEAST` devices tested. The entry has the
+    p-value of the null hypothesis that fewer than half of these devices have the effect. This
+    p-value is computed by Fisher's method from the larger half of the devices' own p-values
+    (partial conjunction), and adjusted for all effects by Holm's method. So one device cannot show
+    an effect of the type, but all devices together can show an effect that none of them shows by
+    itself.
 
     References
     ----------

@@ -19,8 +19,9 @@ def deviations(y, squares):
     `y` are the values of one parameter and `squares` their variances, (n,) each. The deviation is
     the value of the device minus the mean of the others, over the standard deviation of this
     difference. The standard deviation includes the spread of the others, the error of their mean,
-    and the error of the device itself. The p-value is by Student's t. Only the `TRIED` devices
-    farthest from the mean are tested; the p-value of all others is one.
+    and the error of the device itself. The p-value is by Student's t. Devices far from the median
+    are not counted among the others, because they would hide each other. Only the `TRIED` devices
+    that deviate most are tested; the p-value of each remaining device is one.
     """
     count = len(y)
     # distance from the median, in robust standard deviations

@@ -94,11 +94,11 @@ def of_calibration(prior, calibration, source):
 def _refuse_same_logs(calibration, sessions):
     """Raise an ImuloopError if a Calibration cannot be the prior of a fit to the `sessions`.
 
-    `calibration` is the Calibration. It cannot be the prior if it was fitted to one of the
-    sessions' logs, which would count twice, as prior and as data. A static log does not matter,
-    because only its noise is used. Nor can it be the prior if its axes are other columns of the log
-    than the axes of the sessions. `sessions` has for each session, by name, its ``kind`` and the
-    path of its ``samples``.
+    `calibration` is the Calibration. There are two cases. In the first, it was fitted to one of the
+    sessions' logs, which would count twice, as prior and as data. Exception: a static log may be in
+    both, because only its noise is used. In the second case, the same columns of the log are
+    assigned to the axes in another order or with other signs than in the sessions. `sessions` has
+    for each session, by name, its ``kind`` and the path of its ``samples``.
     """
     with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
     if {*hashes(with_poses)} & {*calibration.sha256}:

@@ -115,7 +115,10 @@ def spread_interval(y, squares):
     least = np.finfo(float).eps * total
 
     def excess(variance, quantile):
-        """Return Q at τ² = `variance`, minus a `quantile` of χ²."""
+        """Return Q at τ² = `variance`, minus a `quantile` of χ².
+
+        The variance at which the result is zero is the square of an end of the interval.
+        """
         w = 1 / (variance + squares)
         return (w * (y - w @ y / w.sum()) ** 2).sum() - quantile
 

@@ -185,10 +185,11 @@ def upward(calibration, poses):
 def candidates(up):
     """Return the Steps from which the next one is chosen, a list.
 
-    These are rests in those of the `ATTITUDES` that differ from all earlier rests by more than the
-    angle `FAR`, because an effect can hide in an attitude that was never tried. If there is no such
-    attitude, they are rests that differ from the last rest by more than `FAR`, and a turn about
-    each axis. `up` are the upward directions of the n earlier rests on body axes, (n, 3).
+    A Step is a rest or a turn. As long as some of the `ATTITUDES` differ from all earlier rests by
+    more than the angle `FAR`, the candidates are rests in these attitudes, because an effect can
+    hide in an attitude that was never tried. Otherwise they are rests in all `ATTITUDES` that
+    differ from the last rest by more than `FAR`, and a turn about each axis. `up` are the upward
+    directions of the n earlier rests on body axes, (n, 3).
     """
     turns = [Step(np.roll(u, 1), axis) for u, axis in zip(np.eye(3), "xyz", strict=True)]
     far = [ATTITUDES[(ATTITUDES @ rests.T).max(axis=1) < np.cos(FAR)] for rests in (up, up[-1:])]
@@ -198,9 +199,10 @@ def candidates(up):
 def simulate_steps(steps, now, calibration, recording):
     """Return a simulated Recording of m steps: two rests and the turn between them for each step.
 
-    Each step is its own session. The values have no noise. The rests have the duration and the
-    variance of the median rest of `recording`, and the turns the mean error by undersampling of its
-    rotations.
+    Each step is its own session. The values have no noise. All rests have the duration and the
+    variance of that rest of `recording` whose duration is the median. All turns have the same
+    variance by undersampling, the mean over the rotations of `recording`; they have no lost samples
+    and no jitter.
 
     Parameters
     ----------

@@ -85,7 +85,8 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 def rest_noise(samples):
     """Return the NoiseModel that the rests of a session show, with flicker and random walk.
 
-    `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds.
+    `samples` is the DataFrame of the samples of the session, SI. The estimate takes seconds, too
+    long for each call of `progress`.
     """
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)

@@ -86,7 +86,8 @@ def validate_attitude(device, diagnosed, settings):
 def no_attitude(device, why):
     """Return the content of attitude.json if nothing can be tested, and an empty attitude.parquet.
 
-    They are a dict and a DataFrame. `why` is the reason, and `device` the name of the device.
+    The first is a dict, the second a DataFrame. `why` is the reason, and `device` the name of the
+    device.
     """
     nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
     return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
@@ -108,9 +109,10 @@ def held_out_models(diagnosed, problem):
 
     A block is a group of consecutive poses that are held out together. The models are: ``raw``, the
     nominal scale of the data sheet; ``base``, bias, scale factors and misalignments; ``final``,
-    these and effects. The final model is the base model if no effect was added. Effects are
-    searched for without the block, and only if the fit to all poses has an effect. If the poses do
-    not determine the accelerometer, its calibration is the one of the diagnosis.
+    these and effects. The final model is the base model if no effect was added. If the fit to all
+    poses has an effect, effects are searched for again in the poses outside the block; otherwise
+    none is searched for. Exception: if the poses do not determine the accelerometer, all models but
+    ``raw`` have its calibration from the diagnosis.
 
     Parameters
     ----------
@@ -210,8 +212,9 @@ def _summary(rows):
     """Return the content of attitude.json on one method, a dict: errors of each model, and a ratio.
 
     The errors of a model are summed up by their root mean square and 95 % quantile. The ratio is
-    the root mean square of the base model over that of the final model. Only errors at the end of a
-    move count. `rows` are the rows of attitude.parquet with this method.
+    the root mean square of the base model over that of the final model; above one, the effects made
+    the errors smaller. Only errors on arrival at a rest count; those on departure are ignored.
+    `rows` are the rows of attitude.parquet with this method.
     """
     rows = rows[rows["at"] == "arrival"]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
@@ -233,10 +236,10 @@ def _summary(rows):
 
 
 def _rotation_floor(problem, solution):
-    """Return the root mean square of held-out errors of rotations that noise alone causes, deg.
+    """Return the root mean square error of held-out rotations that noise alone causes, deg.
 
-    It is the least error that a perfect model can have. `problem` is the PoseProblem whose folds
-    are the blocks, and `solution` the Fit of all poses.
+    A perfect model would have this error; a larger error shows that the model is wrong. `problem`
+    is the PoseProblem whose folds are the blocks, and `solution` the Fit of all poses.
     """
     linearised = problem.joint_fit.linearise(solution, problem.recording)
     noise = linearised.noise.by(problem.joint_fit.noise)

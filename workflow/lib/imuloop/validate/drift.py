@@ -192,11 +192,12 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 
 
 def _test(log, turn_on, level):
-    """Return the SensorDrift of each sensor in a new log, a dict by name.
+    """Return the SensorDrift, the result of the drift test, of each sensor, a dict by name.
 
-    `log` is the NewLog. `turn_on` has for each sensor the standard deviations of its three biases
-    between power cycles, SI. `level` is the level of each of two families of tests: each parameter
-    by itself, and all parameters of a sensor together.
+    A sensor without residuals has a SensorDrift that says why it was not tested. `log` is the
+    NewLog. `turn_on` has for each sensor the standard deviations of its three biases between power
+    cycles, SI. `level` is the level of each of two families of tests: each parameter by itself, and
+    all parameters of a sensor together.
     """
     # each column of the basis is a change that the log determines, as a change of all parameters
     tests = {name: log.testable(name) for name in log.factors.sensors}
@@ -240,16 +241,16 @@ def _test(log, turn_on, level):
 
 
 def _fit_changes(log, basis, turn_on):
-    """Return the changes of the parameters of a new log along q directions, and their covariances.
+    """Return the changes of parameters that a new log shows along q directions, and covariances.
 
     `log` is the NewLog. The directions are the columns of `basis`, (p, q), each a change of the p
     old parameters. `turn_on` has for each sensor the standard deviations of its three biases
     between power cycles, SI: their scatter.
 
-    Along the q directions, this scatter adds to the covariance of the changes. It is not part of
-    the covariance S of the residuals there: it would outweigh the noise, because the Jacobian is
-    not quite the same at the old and at the new parameters. In all other directions the scatter is
-    part of S.
+    Along the q directions, this scatter is added to the covariance of the changes after the fit. It
+    is not added to the covariance S of the residuals, by whose inverse they are weighted: there it
+    would outweigh the noise, because the Jacobian is not quite the same at the old and at the new
+    parameters. In all other directions, which are not fitted, the scatter is part of S.
 
     Returns
     -------

@@ -62,8 +62,8 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 def _new_biases(log, updated):
     """Return the change of the p parameters by new biases, (p,), and their new covariance, (p, p).
 
-    `log` is the NewLog. The change is zero but for the biases of the sensors `updated`, a list of
-    names.
+    `log` is the NewLog. Only the biases of the sensors `updated`, a list of names, change; the
+    change of all other parameters is zero.
     """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]

@@ -105,8 +105,9 @@ class NewLog:
     def noise(self):
         """Covariance of the n residuals by the noise, (n, n).
 
-        The covariance of a sensor's residuals is multiplied by the reduced χ² of its old
-        calibration if that is above one.
+        If the reduced χ² of a sensor's old calibration is above one, the noise model gives less
+        noise than the residuals had. The covariance of the sensor's residuals is then multiplied by
+        this reduced χ².
         """
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.owners])
         return self.unchanged.noise.by(self.noise_model) * np.outer(size, size)
@@ -154,8 +155,8 @@ class NewLog:
         determine it together with the groups chosen before. The log determines a group if the
         Jacobian is well conditioned (`LARGEST_CONDITION`), if there are enough residuals, and, but
         for the first group, if the standard errors are at most `WORST` times the standard errors of
-        the calibration. If no group is determined, the result has the directions of the bias that
-        the log determines.
+        the calibration. Exception: if no group is determined, the result has single directions of
+        the bias instead, those that the log determines.
         """
         (old, covariance), of_sensor = self.prior, self.owners == sensor
         root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
@@ -198,7 +199,9 @@ class NewLog:
         The residuals are weighted by the inverse of S, their covariance with the old parameters. S
         has the noise of the new log and the errors of the old parameters, whose covariance is
         `prior`, (p, p). If the χ² test of the residuals of a sensor after the fit has a p-value
-        below `MISFIT`, the noise of this sensor is enlarged, and the fit is repeated.
+        below `MISFIT`, the covariance of the noise of this sensor is multiplied by the reduced χ²,
+        and the fit is repeated. Exception: with at most `LEAST_DOF` degrees of freedom this is not
+        done.
 
         Returns
         -------
@@ -254,7 +257,8 @@ def _errors(whitened):
     """Return the standard errors of q parameters, (q,), all nan if the data determine too little.
 
     `whitened`, (n, q), is the Jacobian of n residuals with independent noise of variance 1. The
-    data determine too little if its condition number is above `LARGEST_CONDITION`.
+    data determine too little if a column is zero, or if the condition number of the matrix, with
+    its columns scaled to the length 1, is above `LARGEST_CONDITION`.
     """
     size = np.linalg.norm(whitened, axis=0)
     if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
