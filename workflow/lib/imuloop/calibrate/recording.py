@@ -199,6 +199,7 @@ class Recording:
     def without_effects(self, calibrations):
         """Return a copy of the Recording from which the effects of calibrations are subtracted.
 
+        In the copy a change of the sensor during the recording can be told from these effects.
         `calibrations` is a dict of SensorCalibration by sensor. The effects are subtracted from the
         specific force and the angular rate of poses and rotations, nominal SI. Effects that depend
         on the other sensor take its values in nominal SI.

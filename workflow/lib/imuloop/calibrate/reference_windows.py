@@ -232,9 +232,9 @@ class Windows:
     def noise(self, model):
         """Return the variances of the reference in each of m windows, and the sensor's white noise.
 
-        The first result is the variance of the attitude, rad², (m,), and the second the variance of
-        the place, m², (m,). The third is the squared density N² of the sensor's white noise by the
-        NoiseModel `model`, averaged over the axes.
+        There are three results. The first is the variance of the attitude, rad², (m,). The second
+        is the variance of the place, m², (m,). The third is the squared density N² of the sensor's
+        white noise by the NoiseModel `model`, averaged over the axes.
         """
         attitude, place = np.array([log.noise for log in self.logs])[self.session].T ** 2
         white = np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])

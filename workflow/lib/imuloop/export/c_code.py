@@ -17,7 +17,9 @@ CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 def needs_rate(sensor):
     """Return whether the C function of a sensor needs the angular rate and its derivative.
 
-    `sensor` is the dict of a sensor's values that `values.sensor_values` returns.
+    The result is always false for a gyroscope; for an accelerometer it is true if one of its
+    effects depends on the angular rate. `sensor` is the dict of a sensor's values that
+    `values.sensor_values` returns.
     """
     of_rate = {"lever_arm", "rate_sensitivity"}
     return sensor["name"] == "accelerometer" and any(

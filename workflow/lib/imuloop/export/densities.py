@@ -38,7 +38,10 @@ class Density:
         return words
 
     def times(self, factor):
-        """Return a copy whose `value` and `raised_from` are multiplied by the number `factor`."""
+        """Return a copy whose `value` and `raised_from` are multiplied by the number `factor`.
+
+        By it a template scales a Density to what another tool expects.
+        """
         raised_from = None if self.raised_from is None else self.raised_from * factor
         return replace(self, value=self.value * factor, raised_from=raised_from)
 

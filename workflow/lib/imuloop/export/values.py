@@ -137,11 +137,13 @@ def sensor_values(exported, name):
 def noise_values(sensor, noise):
     """Return the noise coefficients of logged and of calibrated samples, a dict.
 
-    `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The keys
-    ``logged`` and ``calibrated`` have a dict by the letter of the coefficient: N (white noise), B
-    (flicker) and K (random walk), each a list with the Density of each axis. The keys ``worst``
-    (calibrated) and ``worst_logged`` have the largest Density of the axes, for N and K only, raised
-    so that a filter with them never assumes too little noise.
+    `sensor` is a SensorCalibration, and `noise` a dict with the AxisNoise of each channel. The
+    result has four keys, and the value of each is a dict by the letter of a coefficient: N (white
+    noise), B (flicker) or K (random walk). ``logged`` and ``calibrated`` have for each letter a
+    list, the Density of each axis; a coefficient that is neither known nor limited on some axis has
+    no entry. ``worst`` (calibrated) and ``worst_logged`` have for N and K the largest Density of
+    the axes, raised so that a filter with both never assumes too little noise. They are empty if N
+    or K has no entry.
     """
     terms = [t for t in "NKB" if all(getattr(fit, t).size is not None for fit in noise.values())]
     both = "NK" if {*"NK"} <= {*terms} else ""

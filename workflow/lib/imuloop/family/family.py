@@ -73,7 +73,9 @@ def compare_devices(members):
     """Return the content of family.json on one type, a dict; `members` are its Members.
 
     For each parameter, each device is tested for being odd: for differing from all other devices of
-    the type. The p-values of all these tests are adjusted together by Holm's method.
+    the type. The p-values of all these tests are adjusted together by Holm's method. A device is
+    listed as odd for each parameter with an adjusted p-value below `SIGNIFICANCE`. Exception: a
+    parameter that fewer than `LEAST` devices determine is neither tested nor listed.
     """
     all_estimates = estimates_of_calibrations([m.calibration for m in members])
     all_estimates += estimates_of_noise([m.noise for m in members])

@@ -83,8 +83,9 @@ class Advice:
     sensor, parameter : str
         Name of the sensor and of the parameter, such as ``gyroscope`` and ``K2``.
     error, ratio : float
-        Standard error that this parameter gives a reading of 1 g or 100 deg/s, SI, and its ratio to
-        the error that is good enough.
+        `error` is the standard error of a reading of 1 g or 100 deg/s that this parameter causes,
+        SI. `ratio` is `error` over the error that is good enough; above one, the parameter needs
+        more data.
     std, std_after : float
         Standard error of the parameter before and after the step, nominal SI.
     step : Step

@@ -238,10 +238,11 @@ class NewLog:
     def sizes(self, sensor, expected):
         """Return the sizes of a sensor's residuals with the old parameters, a dict by their kind.
 
-        `sensor` is the name of the sensor. For each kind, such as the residuals of turns, the dict
-        has a dict: ``rms``, the root mean square; ``floor``, the root mean square that the
-        covariance `expected`, (n, n), of all n residuals predicts; their SI ``unit``; and the
-        number ``n`` of residuals of this kind.
+        `sensor` is the name of the sensor. The value for a kind, such as the residuals of turns, is
+        a dict with four keys: ``rms`` is the root mean square of these residuals, and ``floor`` the
+        one that the covariance `expected`, (n, n), of all n residuals predicts; ``unit`` is their
+        SI unit, and ``n`` their number. If ``rms`` is well above ``floor``, the old parameters do
+        not fit. A kind without residuals has no entry.
         """
         squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
@@ -270,8 +271,8 @@ def _determined_directions(whitened):
     """Return the directions along which residuals determine a bias, unit vectors, (d, 3).
 
     There are d directions, at most three. `whitened`, (n, 3), is the Jacobian of n residuals with
-    respect to the bias, scaled so that their noise is independent with variance 1. The largest
-    component of each direction is positive.
+    respect to the bias, scaled so that their noise is independent with variance 1. Of the two signs
+    of a direction the one is taken with which its largest component is positive.
     """
     _, size, axes = np.linalg.svd(whitened)
     axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
