@@ -49,7 +49,11 @@ class Device:
 
     @property
     def sessions(self):
-        """Kind of each session and paths of its result files, a dict of dicts by session name."""
+        """Kind and result files of each session, a dict of dicts by the name of the session.
+
+        An inner dict has the kind under ``kind``, and the paths of files under ``quality``,
+        ``samples``, ``segments`` and ``allan``.
+        """
         return {
             name: {"kind": kind, "quality": self.file(f"{name}/quality.json")}
             | {table: self.file(f"{name}/{table}.parquet") for table in _TABLES}
@@ -168,9 +172,9 @@ def _prior(device):
 def diagnose(device):
     """Write the diagnosis of a Device, its final calibration, and the validation by attitude.
 
-    The files are diagnosis.json, calibration.json, attitude.json and tables of the poses, of the
-    moves, of the windows with a reference, of the errors of attitude, and of the Allan curves after
-    the effects are subtracted.
+    The files are diagnosis.json, calibration.json, attitude.json and tables in Parquet files. The
+    tables have the residuals of the poses, of the moves and of windows with a reference, the errors
+    of attitude, and the Allan curves after the effects are subtracted.
     """
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json

@@ -70,16 +70,19 @@ def _digest(path):
 
 
 def _without_lines(code):
-    """Return the code object `code` of Python without line numbers, which change with comments."""
+    """Return a copy of the code object `code` of Python without its line numbers.
+
+    A new comment moves the lines below it, and must not change the digest.
+    """
     inner = tuple(_without_lines(c) if isinstance(c, CodeType) else c for c in code.co_consts)
     return code.replace(co_consts=inner, co_linetable=b"", co_firstlineno=1)
 
 
 @cache
 def _version(package):
-    """Return the version of an installed package, text; None for a module of Python itself.
+    """Return the version of an installed package, text, or None if no such package is installed.
 
-    `package` is the name by which it is imported.
+    `package` is the name by which it is imported. The modules of Python itself give None.
     """
     try:
         return version({"yaml": "pyyaml"}.get(package, package))

@@ -23,7 +23,8 @@ STAGES = ("segment", "noise", "calibrate", "diagnose")
 def merge(base, override):
     """Return `base` with the values of `override` in place of its own, key by key at any depth.
 
-    If one of the two is not a mapping, the result is `override`.
+    Keys that only one of the two has are kept. If one of the two is not a mapping, the result is
+    `override`.
     """
     if not isinstance(base, dict) or not isinstance(override, dict):
         return override
@@ -82,8 +83,8 @@ def _find_logs(file, form):
     """Return the sorted paths of the logs that a pattern or a folder stands for, a list.
 
     `file` is the value of ``file`` in the config: a pattern of file names, such as ``logs/*.csv``,
-    a folder, or one log, for which the list is empty. `form` is the name of the declared format, or
-    None.
+    or a folder of logs. For any other value, such as the path of one log, the list is empty. `form`
+    is the name of the declared format, or None; by it a folder may itself be one log.
     """
     if not isinstance(file, str) or is_stored(file) or "\0" in file:
         return []
@@ -155,9 +156,10 @@ def _resolve_device(name, device):
 
 
 def known_figures(device):
-    """Return the local gravity of a device, m/s^2, and the figures of its sensor, a dict.
+    """Return the local gravity of a device and the figures of its sensor, a dict.
 
-    The figures are the result of `device_figures`. `device` has the keys ``gravity``, ``sensor``,
+    The key ``gravity`` has local gravity, m/s^2. All other keys are those of the result of
+    `device_figures`, such as scales and tolerances. `device` has the keys ``gravity``, ``sensor``,
     ``range``, ``nominal`` and ``full_scale`` of a config; a key may be absent.
     """
     gravity = device.get("gravity", STANDARD_GRAVITY)
@@ -211,7 +213,7 @@ def is_stored(path):
 
 
 def source_path(source, cache):
-    """Return the local path of a source of a log, once it is fetched if it is not a local file.
+    """Return the local path of a source of a log; a source to be fetched may not be there yet.
 
     `source` is a dict, as `sources` returns it, and `cache` is the folder for fetched files.
     """
@@ -219,10 +221,10 @@ def source_path(source, cache):
 
 
 def fetched(devices):
-    """Return the sources that have to be fetched, a dict by path in the folder of fetched files.
+    """Return the sources of logs that have to be fetched, a dict by the path of the fetched file.
 
-    The path is ``<sha256>/<name>``. `devices` are the devices by name, as `resolve` returns them. A
-    source is a dict, as `sources` returns it.
+    The path is relative to the folder of fetched files, and is ``<sha256>/<name>``. `devices` are
+    the devices by name, as `resolve` returns them. A source is a dict, as `sources` returns it.
     """
     return {
         source_path(source, "").lstrip("/"): source

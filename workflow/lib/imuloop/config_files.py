@@ -64,8 +64,8 @@ class Wheel(Keys):
 def existing(folder=False):
     """Return the type of a path to a file that exists or, if `folder`, to a file or a folder.
 
-    It is a type of pydantic. If a log is declared without a config, the validation has no context,
-    and no path is checked.
+    It is a type of pydantic, which checks the path when a config is validated. When a log is
+    declared without a config, the path is not checked, because that validation has no context.
     """
 
     def check(path, info):

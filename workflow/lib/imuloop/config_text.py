@@ -42,11 +42,11 @@ def unreadable(path):
 
 
 def read_keys(text):
-    """Return the line number of each key in a config, and the faults of its text, two dicts by key.
+    """Return two dicts by key of a config: the number of the key's line, and the fault of the key.
 
-    `text` is the text of the config. A key is the tuple of all names and indices that lead to a
-    value. A fault is a text: a key is given twice, or YAML takes a value for another type than the
-    user.
+    The first has all keys, the second only keys with a fault. A key is the tuple of all names and
+    indices that lead to a value. A fault is a text: the key is given twice, or YAML takes its name
+    or value for another type than the user meant. `text` is the text of the config.
     """
     lines, faults, waiting = {}, {}, [((), yaml.compose(text, LOADER))]
     for key, node in waiting:
@@ -70,15 +70,15 @@ def read_keys(text):
 
 
 def _typed(node):
-    """Return the type of a scalar in YAML and its value as text, such as ``str 1e-3``.
+    """Return the type that YAML gives to a scalar, followed by its value: ``str 1e-3``.
 
-    `node` is a node of PyYAML.
+    `node` is the scalar, a node of PyYAML.
     """
     return f"{node.tag.rpartition(':')[2]} {node.value}"
 
 
 def _trap(written):
-    """Return the fault of a value that YAML takes for another type than the user, text.
+    """Return the fault, a text, of a value that YAML takes for another type than the user meant.
 
     `written` is the text of the value, such as 1e-3, which YAML takes for text.
     """

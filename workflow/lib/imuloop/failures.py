@@ -92,9 +92,9 @@ def report_failed_run(config, command=f"snakemake -- {REPORT}", asked=True):
 def _failure(name, device, config):
     """Return the Failure of a device, or None if its part of the report is up to date.
 
-    The stage that failed is the one whose output is missing, the first in the order of `OUTPUTS`.
-    If all outputs are there, but the part of the report is older than a log or a result, it is the
-    stage `report_device`. `name` is the name of the device, `device` the device as `resolve`
+    The stage that failed is the first in the order of `OUTPUTS` whose output is missing. If no
+    output is missing, but a log or a result is newer than the part of the report, the stage that
+    failed is `report_device`. `name` is the name of the device, `device` the device as `resolve`
     returns it, and `config` the config.
     """
     for stage, pattern in OUTPUTS.items():
@@ -126,8 +126,9 @@ def _failure(name, device, config):
 def _source(session, config):
     """Return rule, name and log file of the job that should have made a missing log, or None.
 
-    Only logs that are fetched or simulated come from a job. The first missing file of the session
-    gives the job. `session` is a session as `resolve` returns it, and `config` the config.
+    The three are texts, and the job is the one for the first file of the session that is missing.
+    Only logs that are fetched or simulated come from a job. If no such log is missing, the result
+    is None. `session` is a session as `resolve` returns it, and `config` the config.
     """
     for source in session["sources"].values():
         path = source_path(source, config.get("cache", "data/cache"))

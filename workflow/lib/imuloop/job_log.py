@@ -22,8 +22,9 @@ def failure_line(error):
     """Return one line of text about an exception, `error`, for the user.
 
     The line is the text of the exception if this is an `ImuloopError` or an error of a file, of the
-    machine or of a missing package. The texts of other exceptions, such as errors of numerical
-    libraries, are about the code and are not shown.
+    machine or of a missing package. Other exceptions, such as errors of numerical libraries, are
+    about the code: the line has only their type. After Ctrl-C the line says that the job was
+    interrupted.
     """
     kind = type(error).__name__
     if isinstance(error, KeyboardInterrupt):

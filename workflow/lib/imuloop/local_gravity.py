@@ -10,8 +10,8 @@ def normal_gravity(latitude, height):
     ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``. φ is the geodetic `latitude`, degrees,
     and h the `height` above the ellipsoid, m. All other symbols are constants of WGS 84: ge is
     gravity at the equator, k the constant of Somigliana's formula, e² the squared eccentricity, a
-    the semi-major axis, m, f the flattening, and m the ratio of the centrifugal acceleration to
-    gravity at the equator.
+    the semi-major axis in metres, f the flattening, and m the ratio of the centrifugal acceleration
+    to gravity at the equator.
 
     References
     ----------

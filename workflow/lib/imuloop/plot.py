@@ -12,8 +12,8 @@ class Plots:
     """Figures of a result: each method, such as ``plots.residuals()``, returns a list of them.
 
     A figure is one of matplotlib. The arguments of a method are names of sensors, sessions or
-    figures. Only figures whose names contain all of them are drawn. A name that no figure has
-    raises an ImuloopError. The methods:
+    figures: only figures whose names contain all of these names are drawn, and without arguments
+    all are. A name that no figure has raises an ImuloopError. The methods draw:
 
     - `loop`: errors as logged, calibrated and with the effects corrected.
     - `poses`: attitudes in which the device rested.

@@ -48,7 +48,7 @@ class Result:
 
     @property
     def logs(self) -> dict:
-        """Source of the log of each session, a dict by session: a path, or ``in memory``."""
+        """Source of each session's log, a dict by name of the session: a path, or ``in memory``."""
         return {name: log_source(quality) or name for name, quality in self._qualities.items()}
 
     @property
@@ -59,12 +59,15 @@ class Result:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines of text on facts in the logs that the user should look at, by ingest."""
+        """Lines of text on facts that ingest found in the logs and the user should look at."""
         by_session = self._qualities.items()
         return tuple(f"{self._log(n)}: {text}" for n, q in by_session for text in q["warnings"])
 
     def _log(self, session):
-        """Return the name of a session's log in messages: its path, or else `session`, its name."""
+        """Return the name by which a message calls the log of a session.
+
+        It is the path of the log. For a log in memory, it is `session`, the name of the session.
+        """
         source = self.logs[session]
         return session if source == IN_MEMORY else source
 
@@ -111,8 +114,8 @@ class Result:
         """Write the report, one HTML file, to `path`; return this path.
 
         `command` is the command that the report names as its origin. The report has relative links
-        to the result files in `folder`, in which the result will be saved, or by default to the
-        files where they are. Files in a temporary folder get no links.
+        to the result files. They lead to `folder`, if the result will be saved there, or by default
+        to the files where they are. Without `folder`, files in a temporary folder get no links.
         """
         from imuloop.report.provenance import provenance
         from imuloop.report.report import write_report
@@ -147,7 +150,8 @@ class Result:
     def save(self, folder) -> Path:
         """Copy the result's files into `folder`, for `imuloop.load`; return the path of `folder`.
 
-        It also gets exports and Allan curves, like the results of the workflow.
+        Exports and Allan curves are made before and copied, too, so that `folder` has the same
+        files as the results of the workflow.
         """
         make_folder(folder)
         self._write_curves()

@@ -74,10 +74,10 @@ def run(arguments):
 
 
 def offset_in_time(calibration):
-    """Return the offset of the gyroscope's time stamps from a reference's clock, s; 0 without one.
+    """Return the offset of the gyroscope's stamps from a reference's clock, s; 0 if not estimated.
 
-    A positive offset is added to the stamps to get the time of the reference. `calibration` is the
-    path of calibration.json; the offset is in the diagnosis.json next to it.
+    The offset, positive or negative, is added to the stamps to get the time of the reference.
+    `calibration` is the path of calibration.json; the offset is in the diagnosis.json next to it.
     """
     diagnosis = calibration.with_name("diagnosis.json")
     if not diagnosis.is_file():

@@ -165,8 +165,8 @@ def lines(drift):
 def update_lines(updated, kept):
     """Return lines of text on the biases of both sensors after an update, in raw units, a list.
 
-    `updated` is the updated Calibration. `kept` is a dict by sensor: the reason, for each sensor
-    whose bias was not updated.
+    `updated` is the updated Calibration. `kept` is a dict by name of the sensors whose biases were
+    not updated; its values are the reasons, texts.
     """
     text = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
     for name in updated.updated.keys() - kept.keys():
@@ -177,10 +177,11 @@ def update_lines(updated, kept):
 
 
 def _comment(change, sensor):
-    """Return words on whether the change of a parameter is drift; empty for small changes.
+    """Return words on whether the change of a parameter is drift, for its line on the terminal.
 
-    For a bias the words name the change that is allowed. `change` is the Change of the parameter,
-    and `sensor` the SensorDrift that contains it.
+    For a bias, the words also name the change that is allowed. For another parameter, the text is
+    empty unless it has drifted. `change` is the Change of the parameter, and `sensor` the
+    SensorDrift that contains it.
     """
     if not change.is_bias:
         return "DRIFTED" if change.drifted else ""

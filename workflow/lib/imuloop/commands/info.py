@@ -141,7 +141,7 @@ def quality_lines(content):
 
 
 def log_lines(log, declared):
-    """Return lines of text that describe a log, a list, and whether it is rejected.
+    """Return two results on a log: a list of lines that describe it, and whether it is rejected.
 
     `log` is the Log, and `declared` are declarations about it, keys of a config.
     """

@@ -99,8 +99,8 @@ def _expand(start, word):
 
     `word` is the word, and `start` is the start of the keys of this option: ``x=1`` with the start
     ``columns.`` is ``columns.x=1``. With the start ``nominal.`` a word such as
-    ``acceleration=0.01,5`` gives a unit, a scale and an offset. Raises an ImuloopError
-    for a word that is not KEY=VALUE.
+    ``acceleration=0.01,5`` gives three words: that the unit is ``count``, that the scale is 0.01,
+    and that the offset is 5. Raises an ImuloopError for a word that is not KEY=VALUE.
     """
     quantity, equals, value = word.partition("=")
     if not (equals and re.fullmatch(KEY, start + quantity)):
@@ -165,7 +165,8 @@ def between(low, high, count=1):
     def number(text):
         """Return the number in an argument, or a tuple of `count` numbers if `count` is above 1.
 
-        `text` is the argument. Raises an ArgumentTypeError if it has other numbers.
+        `text` is the argument. Raises an ArgumentTypeError if it has more or fewer numbers, or one
+        that is not from `low` to `high`.
         """
         values = [float(value) for value in text.split(",")]
         if len(values) != count or not all(low <= value <= high for value in values):

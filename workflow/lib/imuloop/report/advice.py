@@ -140,11 +140,12 @@ def _tilted_rests(device):
 
 
 def _missing(device):
-    """Yield a step for each residual above its floor, and one against too low a sampling rate.
+    """Yield a step for each residual above its floor, and one if the sampling rate is too low.
 
-    The step against a residual is to find the effect that is missing in the model. The floor is the
-    size of the residual that noise alone gives. `device` is a DeviceResults. A step is a tuple, as
-    in `next_step`.
+    The step for a residual is to find the effect that is missing in the model. The floor is the
+    size of the residual that noise alone gives. The sampling rate is too low if the error that
+    motion between samples causes in rotations exceeds all other noise. `device` is a DeviceResults.
+    A step is a tuple, as in `next_step`.
     """
     diagnoses = blocks(device.diagnosis)
     above = [b for b in diagnoses if b["verdict"] in ABOVE]
@@ -194,7 +195,7 @@ def _limit(device):
 
 
 def _display(now):
-    """Return the Display, the unit to show, of the parameter that limits the readings.
+    """Return the Display, the unit in which to show the parameter that limits the readings most.
 
     `now` is the entry ``next_step`` of diagnosis.json, which names this parameter.
     """
@@ -219,9 +220,9 @@ def _hole(device):
 def _heat_and_cool(device):
     """Yield the step to heat and cool, if temperature only rose or only fell in each session.
 
-    Then an effect of temperature cannot be told from a drift with time. Sessions whose temperature
-    spans less than `SPAN_K` do not count. `device` is a DeviceResults. A step is a tuple, as in
-    `next_step`.
+    In such sessions an effect of temperature cannot be told from a drift with time. Sessions whose
+    temperature spans less than `SPAN_K` do not count. `device` is a DeviceResults. A step is a
+    tuple, as in `next_step`.
     """
     swings = []
     for session in device.used:
@@ -246,8 +247,8 @@ def _heat_and_cool(device):
 def _static_record(device):
     """Yield the step to record longer at rest, if flicker or random walk has only an upper limit.
 
-    No step is yielded if the longest static session already has `NEARLY` the length `LONG_RECORD`.
-    `device` is a DeviceResults. A step is a tuple, as in `next_step`.
+    Exception: no step is yielded if the longest static session has at least the share `NEARLY` of
+    the length `LONG_RECORD`. `device` is a DeviceResults. A step is a tuple, as in `next_step`.
     """
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
     axes = {}

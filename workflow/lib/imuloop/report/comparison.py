@@ -74,12 +74,12 @@ def summarise(device):
 
 
 def filter_noise(device, final):
-    """Return white noise N and random walk K for a filter, and the sampling rate of the logs, Hz.
+    """Return the noise of each sensor for a filter, and the sampling rate of the logs, a dict.
 
-    The result is a dict: ``rate_hz``, and ``SENSOR_N`` and ``SENSOR_K`` of each sensor, a Density
-    as a dict. N and K are the largest of the axes, SI. If the data do not show a coefficient, its
-    95 % upper limit counts. N and K are raised if they would not bound the Allan variance
-    (`bounding`).
+    The sampling rate, Hz, has the key ``rate_hz``. White noise N and random walk K have the keys
+    ``SENSOR_N`` and ``SENSOR_K``. Each is a Density as a dict, that of the axis with the largest
+    value, SI. If the data do not show a coefficient, its 95 % upper limit counts. N and K are
+    raised if they would not bound the Allan variance (`bounding`).
 
     `device` is a DeviceResults. `final` is its final Calibration, to whose samples the noise then
     belongs, or None for the noise of samples as logged.
@@ -116,9 +116,9 @@ class Cell(NamedTuple):
 def placed(rows):
     """Return rows of Cells, one per device, in which `place` and `mark_place` are set.
 
-    Both are positions along the bar of a cell, %. A position is linear in the logarithm of the
-    value, from the smallest value or mark of the column to the largest. A cell without small text
-    has no bar, and its positions stay None. `rows` are the rows of Cells without positions.
+    Both are positions along the bar of a cell, %, in the logarithm of the value. The smallest value
+    or mark of the column is at 4 %, the largest at 96 %. A cell without small text has no bar, and
+    its positions stay None. `rows` are the rows of Cells without positions.
     """
     columns_of_cells = []
     for column in zip(*rows, strict=True):
@@ -126,11 +126,11 @@ def placed(rows):
         low, span = (np.log(min(sizes)), np.log(max(sizes) / min(sizes))) if sizes else (0.0, 0.0)
 
         def place(size, low=low, span=span):
-            """Return the position of a value `size` between the ends of its column, 4 to 96 %.
+            """Return the position along the bar, 4 to 96 %, of a value `size` of the column.
 
             `low` is the logarithm of the least value of the column, and `span` the logarithm of the
             ratio of the largest to the least. The result is None for a value that is absent or not
-            above zero.
+            above zero, and if all values of the column are equal.
             """
             return 4 + 92 * (np.log(size) - low) / span if size and size > 0 and span else None
 
@@ -159,10 +159,11 @@ def columns(sensor):
 def pivot(summary, sensor):
     """Return five numbers for each quantity of a sensor, a dict of tuples of `Value` by quantity.
 
-    `summary` is the content of summary.json of a device, and `sensor` the name of the sensor. The
-    five are: the largest value of the axes; an upper limit of an axis that is above this value; the
-    noise of samples as logged; the floor of a residual, which noise alone gives; and the tolerance,
-    or the noise, by the data sheet. Each is None if it is absent.
+    The first two are the largest value of the axes, and the largest upper limit of an axis whose
+    value is not known, if it is above the first. The last three are the noise of samples as logged;
+    the floor of a residual, which noise alone gives; and the tolerance, or the noise, by the data
+    sheet. Each is None if it is absent. `summary` is the content of summary.json of a device, and
+    `sensor` the name of the sensor.
     """
     rows = select([Value(**row) for row in summary["values"]], sensor=sensor)
     quantities = {}
@@ -187,10 +188,10 @@ def cells(summary, sensor):
 def _cell(largest, limit, logged, floor, prior, display):
     """Return the Cell of one quantity in the table that compares devices.
 
-    The arguments but the last are `Value` or None, as `pivot` returns them: the `largest` value of
-    the axes; an upper `limit` of an axis above it; the noise as `logged`; the `floor` of a
-    residual; and `prior`, the tolerance or noise by the data sheet. `display` is the Display of the
-    column, the unit to show.
+    Each argument but the last is a `Value` or None, as `pivot` returns it. `largest` is the largest
+    value of the axes, and `limit` an upper limit above it, of an axis whose value is not known.
+    `logged` is the noise as logged, `floor` the floor of a residual, and `prior` the tolerance or
+    noise by the data sheet. `display` is the Display of the column, the unit to show.
     """
     worst_row, unit, below = largest or limit, "", []
     if not worst_row:
@@ -212,10 +213,10 @@ def _cell(largest, limit, logged, floor, prior, display):
 
 
 def verdict_rank(verdicts):
-    """Return a number by which devices are sorted, larger for worse verdicts.
+    """Return a number by which the table of devices is sorted, larger for worse verdicts.
 
-    `verdicts` is a dict by kind of data, such as ``poses``. The verdict on poses counts most, then
-    the verdicts on other data, in the order of `RECORDS`.
+    `verdicts` is a dict by kind of data, such as ``poses``. The verdict on poses counts most. If it
+    is the same, the verdicts on other data decide, in the order of `RECORDS`.
     """
     order = [rank(verdicts[part]) if part in verdicts else 0 for part in RECORDS]
     return sum(10**k * place for k, place in enumerate(reversed(order)))

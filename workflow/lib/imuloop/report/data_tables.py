@@ -64,10 +64,9 @@ def quality_figures(q):
 
 
 def _faults(quality):
-    """Return the faults that ingest left in the samples of a log, as text.
+    """Return the faults that ingest found in the samples of a log but left there, a dict of texts.
 
-    The result is a dict by name and unit of the fault. `quality` is the entry ``faults`` of
-    quality.json.
+    A key is the name and unit of the fault. `quality` is the entry ``faults`` of quality.json.
     """
 
     def rows(key):

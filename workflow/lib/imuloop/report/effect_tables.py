@@ -90,11 +90,12 @@ def matrix_rows(effect):
 
 
 def _step(effect, name):
-    """Return the session and the time of the step of a bias, such as ", night at 3 h", for its row.
+    """Return session and time of a step of the bias as text, such as ", night at 3 h".
 
-    `effect` is an entry of the list ``effects`` in diagnosis.json. Its bias may jump in several
-    steps; the number in `name`, the name of a parameter, is the number of the step. The text is
-    empty if the effect has no such step.
+    The text goes behind the name of the parameter in a table. `effect` is an entry of the list
+    ``effects`` in diagnosis.json, in which the bias may jump at several steps. `name` is the name
+    of a parameter, and the number in it is the number of the step. The text is empty if the effect
+    has no such step.
     """
     sessions, times = (effect["constants"].get(key, ()) for key in ("sessions", "times"))
     step = int((re.search(r"\d+", name) or ["0"])[0]) - 1

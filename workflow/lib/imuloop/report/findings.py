@@ -107,8 +107,8 @@ def _of_both(force, turn):
     """Return the diagnosis of both sensors together in motion, a dict.
 
     `force` and `turn` are the diagnoses of the accelerometer and of the gyroscope in motion,
-    entries of diagnosis.json. They have the same residuals; their effects and candidates are
-    joined.
+    entries of diagnosis.json. The result has the residuals, which are the same in both, and the
+    effects and candidates of both sensors in one list each.
     """
     effects, candidates = ([*force[key], *turn[key]] for key in ("effects", "candidates"))
     # a candidate of one sensor is also in the list of the other, with the status not_available
@@ -117,20 +117,21 @@ def _of_both(force, turn):
 
 
 def residual_names(block):
-    """Return the names of the residuals of a diagnosis, a list; it begins with those in `QUOTED`.
+    """Return the names of the residuals of a diagnosis, a list.
 
-    These are the residuals that a user notices first. `block` is a result of `block_of`.
+    The list begins with the residuals in `QUOTED`, which a user notices first. `block` is a result
+    of `block_of`.
     """
     first = [name for name in QUOTED[block["sensor"]] if name in block["residuals"]]
     return list(dict.fromkeys([*first, *block["residuals"]]))
 
 
 def _largest(block, sizes):
-    """Return the name of the residual with the largest ratio of its size to its floor, or None.
+    """Return the name of the residual with the largest ratio of its entry in `sizes` to its floor.
 
-    The floor of a residual is its size from noise alone. `sizes` is a dict by name of the residual,
-    in the unit of the floor. `block` is the diagnosis of a sensor in one kind of data; the result
-    is None if it has no residuals.
+    The floor of a residual is its size from noise alone. `sizes` has a number for each residual by
+    its name, such as its size or its fall, in the unit of the floor. `block` is the diagnosis of a
+    sensor in one kind of data; the result is None if it has no residuals.
     """
     floors = {name: r["floor"] or np.inf for name, r in block["residuals"].items()}
     multiples = {name: sizes[name] / floors[name] for name in residual_names(block)}
@@ -140,9 +141,9 @@ def _largest(block, sizes):
 def too_quiet(block):
     """Return name, reduced χ² and p-value of the first residual far below its noise, or None.
 
-    It is far below if its reduced χ² is less than `FAR_BELOW` and the probability of so low a value
-    is less than `UNLIKELY`. Then the noise of the record is wrong. `block` is the diagnosis of a
-    sensor in one kind of data.
+    A residual is far below its noise if its reduced χ² is less than `FAR_BELOW` and the probability
+    of so low a value is less than `UNLIKELY`. The report then says that the data were corrected or
+    filtered before they were logged. `block` is the diagnosis of a sensor in one kind of data.
     """
     for name, r in block["residuals"].items():
         chi2 = r["chi2_before"]
@@ -155,12 +156,12 @@ def too_quiet(block):
 
 
 def _tried(block):
-    """Return which candidate effects were rejected: whether any were, and the best of them, a dict.
+    """Return whether candidate effects were rejected, and the best of them, a dict.
 
-    Its keys are ``any`` and ``best``. The best is the candidate, a dict, that lowers the held-out
-    error to the smallest share of its size before. It is None if no rejected candidate lowers this
-    error to the share `WORTH_A_WORD` or less. `block` is the diagnosis of a sensor in one kind of
-    data.
+    The key ``any`` is true if at least one was rejected. The key ``best`` has the rejected
+    candidate, a dict, with the smallest ratio of the held-out error with it to the error without
+    it. It is None if no rejected candidate has a ratio of at most `WORTH_A_WORD`. `block` is the
+    diagnosis of a sensor in one kind of data.
     """
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     best, share = None, WORTH_A_WORD
@@ -180,10 +181,10 @@ def rank(verdict):
 def answers(diagnoses):
     """Return the verdicts that a user is told, a list of (place, verdict, words).
 
-    The place is the sensor and the kind of data, in words, and the words are a sentence on the
-    verdict. The first two are the verdicts on the poses of each sensor, or on its static record if
-    only that was tested. The verdicts on other data follow, without ``consistent`` and
-    ``not_testable``. `diagnoses` is the result of `blocks`.
+    The place is a text, the sensor and the kind of data. The words are a sentence on the verdict.
+    The first two verdicts are those on the poses of each sensor, or on its static record if only
+    that was tested. The verdicts on other data follow. Of these, ``consistent`` and
+    ``not_testable`` are left out, because they are no news. `diagnoses` is the result of `blocks`.
     """
     said, with_verdict = [], tested(diagnoses)
     for sensor in SENSORS:
@@ -200,8 +201,9 @@ def answers(diagnoses):
 def grouped(summaries):
     """Return groups of devices with equal answers, a list of (answers, summaries), the worst first.
 
-    `summaries` are the contents of summary.json of all devices; a group has some of them. The
-    answers of a group are its verdicts in words, as `answers` returns them.
+    The answers of a group are the verdicts that its devices have in common, as the function
+    `answers` returns them. The summaries are those of `summaries` that belong to its devices.
+    `summaries` are the contents of summary.json of all devices.
     """
     groups = {}
     for s in summaries:
@@ -267,10 +269,11 @@ def fall(error):
 
 
 def told(loop):
-    """Return the errors of `loop` that fell by the factor `WORTH_SAYING`, or else the first error.
+    """Return the errors of a device that are worth a sentence, a list.
 
-    `loop` is the result of `loop_errors`: the errors of a device as logged, calibrated and
-    corrected. The result is a list; it is empty if `loop` is.
+    They are those that fell by at least the factor `WORTH_SAYING`, or the first error alone if none
+    did. `loop` is the result of `loop_errors`: the errors of a device as logged, calibrated and
+    corrected. If it is empty, so is the result.
     """
     return [error for error in loop if fall(error) >= WORTH_SAYING] or loop[:1]
 

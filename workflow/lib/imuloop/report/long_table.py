@@ -95,9 +95,9 @@ def calibration_values(calibrations):
 def prior_values(device, sensor):
     """Return the numbers of a sensor that were known before the fit, a list of `Value`.
 
-    They are the standard deviation of each parameter by its prior, and the white noise if the data
-    sheet states one. The stage of each is ``prior``. `device` is a DeviceResults with a final
-    calibration, and `sensor` the name of the sensor.
+    They are the standard deviation that the prior gives each parameter and, if the data sheet
+    states it, the white noise. All have the stage ``prior``. `device` is a DeviceResults with a
+    final calibration, and `sensor` the name of the sensor.
     """
     rows, final = [], getattr(device.calibrations["final"], sensor)
     for parameter, (quantity, axis) in PARAMETERS.items():
@@ -113,9 +113,9 @@ def prior_values(device, sensor):
 def noise_values(device):
     """Return the `Value` of each noise coefficient of a DeviceResults, `device`, a list.
 
-    Its stage is ``logged`` for the noise of all samples as logged. If the diagnosis has static
-    records, there are also ``before`` and ``after``: the noise of these records before and after
-    the effects were subtracted.
+    A coefficient of all samples as logged has the stage ``logged``. If the diagnosis has static
+    records, their coefficients follow, with the stage ``before`` for the noise before the effects
+    were subtracted, and ``after`` for the noise after that.
     """
     rows = []
     for sensor in SENSORS:
@@ -138,9 +138,9 @@ def noise_values(device):
 def residual_values(device):
     """Return the held-out errors of poses and their floors, a list of `Value`.
 
-    The floor is the error from noise alone. The quantity ``residual`` is the kind of error that a
-    user notices first, the same for all devices. The quantity ``quoted`` is the kind of error that
-    the verdict of this device quotes. `device` is a DeviceResults.
+    The floor is the size that an error would have from noise alone. The quantity ``residual`` is
+    the kind of error that a user notices first, the same for all devices. The quantity ``quoted``
+    is the kind of error that the verdict of this device quotes. `device` is a DeviceResults.
     """
     rows = []
     for sensor in SENSORS:
@@ -162,10 +162,11 @@ def select(rows, **keys):
 
 
 def worst(rows):
-    """Return the `Value` with the largest value, and the one with the largest upper limit above it.
+    """Return two `Value`: the one with the largest value, and one whose upper limit is above it.
 
-    `rows` are the `Value` of one quantity on several axes. An axis whose value is not known has an
-    upper limit. Each result is None if no axis has it.
+    `rows` are the `Value` of one quantity on several axes. The second result is the largest upper
+    limit among axes without a value, one of which may still be the worst axis. The first result is
+    None if no axis has a value, the second if no axis without a value has a limit above the first.
     """
     values = [row for row in rows if not missing(row.value)]
     limits = [row for row in rows if missing(row.value) and not missing(row.upper95)]

@@ -127,8 +127,8 @@ def verdict_lines(folders):
 def _filled(content):
     """Return `content` without keys whose values are empty, at any depth, if it is a mapping.
 
-    Other content is returned as it is. A value is empty if it is None, an empty text, list or
-    mapping.
+    A value is empty if it is None or an empty text, list or mapping; zero and False are kept.
+    Content that is not a mapping is returned as it is.
     """
     if not isinstance(content, Mapping):
         return content

@@ -47,7 +47,10 @@ def write_section(device):
 
 
 def _inside(values):
-    """Return all Pictures in `values`, a dict or list that may contain more of these, as a list."""
+    """Return all Pictures in `values`, at any depth, as a list, to write their files.
+
+    `values` is a Picture, or a dict or list that may contain Pictures, dicts and lists.
+    """
     if isinstance(values, Picture):
         return [values]
     parts = values.values() if isinstance(values, dict) else values

@@ -11,8 +11,8 @@ from imuloop.report.numbers import (
 class Sized(str):
     """The text of a table cell, with the number `value` by which its column is sorted, or None.
 
-    A cell of a matrix also has a `share`, by which the page colours the cell: its value over the
-    largest magnitude in the matrix, −1 to 1. Other cells have None.
+    A cell of a matrix also has a `share`, −1 to 1, by which the page colours the cell: its value
+    divided by the largest magnitude in the matrix. In any other cell `share` is None.
     """
 
     def __new__(cls, text, value, share=None):
@@ -42,7 +42,7 @@ class Table:
 
 
 def shade(value, sigma, largest, display):
-    """Return the cell of an element of a matrix, coloured if the element exceeds 2 σ.
+    """Return the cell of an element of a matrix, coloured if the element exceeds 2 σ in magnitude.
 
     `value` is the element, `sigma` its standard error σ or None, and `largest` the largest
     magnitude in the matrix, all in SI. `display` is the Display of the cell, the unit in which it

@@ -94,17 +94,20 @@ def misalignment_table(device, sensor):
 
 
 def _equal(one, other):
-    """Return whether two SensorCalibrations, `one` and `other`, have equal method, T, K and b."""
+    """Return whether two SensorCalibrations, `one` and `other`, have equal method, T, K and b.
+
+    If so, a table needs only one column for both.
+    """
     pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
     return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def wander(noise, interval, length):
-    """Return the standard deviation of the change of a bias over `interval` seconds, SI.
+    """Return the standard deviation of the difference of a bias at two times, SI.
 
-    The bias at a time is the mean of the output over the next `length` s. `noise` is the AxisNoise
-    of the channel; only its flicker, random walk and Gauss-Markov processes count, not its white
-    noise.
+    The times are `interval` s apart. The bias at a time is the mean of the output over the next
+    `length` s. `noise` is the AxisNoise of the channel. Of its terms, flicker, random walk and
+    Gauss-Markov processes count; white noise does not.
     """
     slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
     covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -128,8 +131,8 @@ def _after_an_hour(device, sensor):
 def reasons(device):
     """Return why parts of the calibration are missing, a list of (method, sensor, reason).
 
-    `device` is a DeviceResults. A reason that a verdict already gives is left out. So is a reason
-    of the final calibration that another method already gives.
+    All three are texts. A reason is left out if a verdict already gives it. A reason of the final
+    calibration is also left out if another method already gives it. `device` is a DeviceResults.
     """
     told = {(b["sensor"], b.get("why")) for b in blocks(device.diagnosis)}
     lines = {}

@@ -105,8 +105,9 @@ def data_sheet(unit):
 def spans(values, units):
     """Return the range of values as text, a list with a text for each unit, such as 2 to 5 ppm.
 
-    `values` are SI values by name, and `units` their SI units by the same names. A text has the
-    least and the greatest value of a unit, to two digits. Missing values are left out.
+    A text has the least and the greatest of the values that have this unit, to two digits. `values`
+    are SI values by name, and `units` their SI units by the same names. Missing values are left
+    out.
     """
     by_unit = {}
     for name, value in values.items():
