@@ -19,7 +19,8 @@ _TABLES = ("samples", "segments", "allan")
 class Device:
     """A device with its sessions and settings: the input of every stage.
 
-    A session is one log and what was done with the device in it, its kind.
+    A session is one log. The kind of a session, such as ``static``, is what was done with the
+    device while it was logged.
     """
 
     name: str
@@ -285,8 +286,8 @@ def report(devices, command, family=None, failures=()):
 def stages():
     """Return the functions of the stages from `segment` to `allan`, in the order of a run, a tuple.
 
-    Each takes a Device. The stages `ingest` before them and `report_device` after them are not
-    included.
+    Each takes a Device. Two stages are not included: `ingest`, which is called before them, and
+    `report_device`, which is called after them.
     """
     return segment, noise, calibrate, diagnose, allan
 

@@ -158,9 +158,9 @@ def _resolve_device(name, device):
 def known_figures(device):
     """Return the local gravity of a device and the figures of its sensor, a dict.
 
-    The key ``gravity`` has local gravity, m/s^2. All other keys are those of the result of
-    `device_figures`, such as scales and tolerances. `device` has the keys ``gravity``, ``sensor``,
-    ``range``, ``nominal`` and ``full_scale`` of a config; a key may be absent.
+    The key ``gravity`` has local gravity, m/s^2. All other keys are from `device_figures`, such as
+    scales and tolerances. `device` has the keys ``gravity``, ``sensor``, ``range``, ``nominal`` and
+    ``full_scale`` of a config; a key may be absent.
     """
     gravity = device.get("gravity", STANDARD_GRAVITY)
     figures = device_figures(*map(device.get, ("sensor", "range", "nominal", "full_scale")))

@@ -56,8 +56,9 @@ def _validation_faults(config, context=None):
     """Yield (key, text) for each fault of a config whose devices already have the defaults.
 
     `config` is this config. The key is a tuple of the names that lead to the value with the fault.
-    `context` is ``{"replicas": …}`` if the files that the config names have to exist, else None;
-    replicas are simulated devices, as in `config_faults`.
+    `context` is None if the files that the config names are not checked. If they have to exist, it
+    is ``{"replicas": …}``, with the simulated devices of `config_faults`, whose files a job will
+    make.
     """
     try:
         Config.model_validate(config, context=context)

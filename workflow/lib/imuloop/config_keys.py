@@ -81,8 +81,9 @@ class Keys(BaseModel):
     def _add_faults(cls, data, validate, info):
         """Return the model of a mapping; raise a ValidationError with all faults of its keys.
 
-        These are the faults of each key by itself, and those that depend on several keys. `data` is
-        the mapping as written, `validate` the validation of pydantic, and `info` its state.
+        Without this method, faults that depend on several keys would not be reported together with
+        the faults of each key by itself. `data` is the mapping as written, `validate` the
+        validation of pydantic, and `info` its state.
         """
         model, errors, faults = None, [], []
         try:

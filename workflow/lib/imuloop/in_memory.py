@@ -117,7 +117,11 @@ def _array(name, values):
 
 
 def _with_index(table):
-    """Return a DataFrame, `table`, whose index has become a column if it has times or a name."""
+    """Return a DataFrame, `table`, with its index as a column if the index has times or a name.
+
+    Any other index only numbers the rows and stays as it is. So does an index with a name that a
+    column already has.
+    """
     name = table.index.name
     if name is None and isinstance(table.index, pd.DatetimeIndex):
         name = TIME

@@ -222,10 +222,11 @@ class TemporaryFolder:
 
 
 def _unpickle(device, files):
-    """Return the Result of a pickle, with its files in a temporary folder that is removed with it.
+    """Return the Result of a pickle, with its files in a temporary folder.
 
-    `device` is its Device, whose folder may not exist on this machine. `files` has the content of
-    each file by its path in that folder.
+    The folder is removed when the Result does not exist any more. `device` is its Device, whose
+    folder may not exist on this machine. `files` has the content of each file by its path in that
+    folder.
     """
     folder = TemporaryFolder()
     for name, content in files.items():

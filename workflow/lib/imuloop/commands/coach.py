@@ -82,11 +82,12 @@ def _copy(source, target):
 
 
 def follow(log, arguments, folder):
-    """Print the errors of the parameters by a log that grows, and the next step, until it ends.
+    """Print, while a log grows, how well it determines the parameters, and the next step.
 
-    `log` is the Log, `arguments` are the arguments of the command, parsed, and `folder` is a folder
-    for the samples. Returns the exit status: 0 when every parameter is good enough, `EARLY` if the
-    log stops growing before. Raises an ImuloopError if the log cannot be used.
+    A line is printed when the number of poses or the next step has changed. `log` is the Log,
+    `arguments` are the arguments of the command, parsed, and `folder` is a folder for the samples.
+    Returns the exit status: 0 when every parameter is good enough, `EARLY` if the log stops growing
+    before. Raises an ImuloopError if the log cannot be used.
     """
     size, said, noise, why = -1, None, None, ""
     gravity = known_figures(arguments.declared)["gravity"]

@@ -139,10 +139,10 @@ def write_samples(log, declared, folder, calibration=None):
 def read_log(log, declared, calibration=None):
     """Return three results on a log: its samples, the metadata of the samples, and its quality.
 
-    The samples are a table. The metadata, a dict, are those of samples.parquet. The quality, a
-    dict, is the content of quality.json. `log` is the Log. `declared` are declarations about it,
-    keys of a config. If a Calibration is given, `calibration`, all keys that are not declared are
-    taken from the log that it was fitted to. Raises an ImuloopError if the log is rejected.
+    The samples are a table. The metadata are a dict, read from samples.parquet. The quality is a
+    dict, the content of quality.json. `log` is the Log. `declared` are declarations about it, keys
+    of a config. If a Calibration is given, `calibration`, all keys that are not declared are taken
+    from the log that it was fitted to. Raises an ImuloopError if the log is rejected.
     """
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = write_samples(log, declared, Path(folder), calibration)

@@ -69,9 +69,11 @@ def run(arguments):
 
 
 def write_formats(folder, name, estimate):
-    """Write the files of other tools that need no calibration, and return their paths, a list.
+    """Write the noise in those formats of other tools that need no calibration; return their paths.
 
-    `folder` is the folder of the files, `name` the name of the log, and `estimate` its NoiseResult.
+    The paths are a list. A file that needs a number which the data do not give is not written, and
+    a line on the terminal says why. `folder` is the folder of the files, `name` the name of the
+    log, and `estimate` its NoiseResult.
     """
     why = "this log is of the noise alone"
     sensors = [SensorCalibration.nominal(RawUnit(unit, 1.0), why) for unit in ("m/s^2", "rad/s")]

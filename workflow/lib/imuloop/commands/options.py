@@ -61,13 +61,13 @@ def add_keys(command):
 
 
 def take_keys(words):
-    """Return the keys of a config in a command line, nested dicts, and all other words, a list.
+    """Return two results on a command line: its keys of a config, and all of its other words.
 
-    `words` are the words of the command line. A key is an option, as ``--units.time ms``, or a word
-    ``units.time=ms`` after ``--set``. Shorter forms are ``--time-unit ms``, ``--latitude`` and
-    ``--height``, ``--columns time=stamp``, ``--range 16g,2000deg/s`` and ``--counts
-    acceleration=SCALE,OFFSET``. Raises an ImuloopError for an option without a value, or a key that
-    is given in two ways.
+    The keys are nested dicts, the other words a list. `words` are the words of the command line. A
+    key is an option, as ``--units.time ms``, or a word ``units.time=ms`` after ``--set``. Shorter
+    forms are ``--time-unit ms``, ``--latitude`` and ``--height``, ``--columns time=stamp``,
+    ``--range 16g,2000deg/s`` and ``--counts acceleration=SCALE,OFFSET``. Raises an ImuloopError for
+    an option without a value, or a key that is given in two ways.
     """
     pairs, others, words = [], [], [*words]
     while words:

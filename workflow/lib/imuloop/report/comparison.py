@@ -77,7 +77,7 @@ def filter_noise(device, final):
     """Return the noise of each sensor for a filter, and the sampling rate of the logs, a dict.
 
     The sampling rate, Hz, has the key ``rate_hz``. White noise N and random walk K have the keys
-    ``SENSOR_N`` and ``SENSOR_K``. Each is a Density as a dict, that of the axis with the largest
+    ``SENSOR_N`` and ``SENSOR_K``. Each is a Density as a dict, from the axis with the largest
     value, SI. If the data do not show a coefficient, its 95 % upper limit counts. N and K are
     raised if they would not bound the Allan variance (`bounding`).
 

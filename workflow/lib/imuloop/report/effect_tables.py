@@ -67,11 +67,12 @@ def parameter_rows(effect):
 
 
 def matrix_rows(effect):
-    """Return the parameters of an effect as table rows with a cell per axis of the sensor, a list.
+    """Return the parameters of an effect as rows of a matrix, a list; its columns are x, y and z.
 
-    A row has the name of the parameters without their axis, three cells for x, y and z, and the
-    unit. The result is empty if the name of a parameter does not end in an axis. `effect` is an
-    entry of the list ``effects`` in diagnosis.json.
+    A row is a tuple: the name of three parameters without their axis, a cell for each axis of the
+    sensor, and the unit. The list is empty if the name of any parameter does not end in an axis, as
+    then the parameters do not make a matrix. `effect` is an entry of the list ``effects`` in
+    diagnosis.json.
     """
     values, units, largest, rows = effect["parameters"], effect["units"], {}, {}
     if not all(map(OF_AXIS.fullmatch, values)):

@@ -14,9 +14,10 @@ from imuloop.report.units import PERCENT, QUANTITIES, Display
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of family.json: its `words` for a reader, and its unit, a Display.
+    """A parameter in the table of a type: its `words` for a reader, and its unit, a Display.
 
-    The spread and the errors of a `relative` parameter are shares of its value.
+    The spread and the errors of a `relative` parameter, such as a noise coefficient, are shares of
+    its value. For any other parameter they are in SI.
     """
 
     words: str

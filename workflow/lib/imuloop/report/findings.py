@@ -182,9 +182,9 @@ def answers(diagnoses):
     """Return the verdicts that a user is told, a list of (place, verdict, words).
 
     The place is a text, the sensor and the kind of data. The words are a sentence on the verdict.
-    The first two verdicts are those on the poses of each sensor, or on its static record if only
-    that was tested. The verdicts on other data follow. Of these, ``consistent`` and
-    ``not_testable`` are left out, because they are no news. `diagnoses` is the result of `blocks`.
+    First is the verdict on the poses of each sensor, or on its static record if only this was
+    tested. The verdicts on other data follow. Of these, ``consistent`` and ``not_testable`` are
+    left out, because a user does not need them. `diagnoses` is the result of `blocks`.
     """
     said, with_verdict = [], tested(diagnoses)
     for sensor in SENSORS:
@@ -202,7 +202,7 @@ def grouped(summaries):
     """Return groups of devices with equal answers, a list of (answers, summaries), the worst first.
 
     The answers of a group are the verdicts that its devices have in common, as the function
-    `answers` returns them. The summaries are those of `summaries` that belong to its devices.
+    `answers` returns them; the summaries are the entries of `summaries` for its devices.
     `summaries` are the contents of summary.json of all devices.
     """
     groups = {}

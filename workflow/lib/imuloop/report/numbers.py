@@ -149,7 +149,7 @@ def coefficient_text(coefficient, factor=1.0):
 
 
 def interval_text(interval, factor=1.0):
-    """Return an interval as text, ``low to high``, to two digits of its width.
+    """Return an interval as text, ``low to high``, with enough digits to show its width to two.
 
     `interval` is a pair of numbers, which are multiplied by `factor`, from SI to the unit that is
     shown. If it is None, or an end is missing, the text is a dash.

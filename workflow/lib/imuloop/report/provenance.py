@@ -13,9 +13,9 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "vqf")
 def provenance(release, repository, command, config):
     """Return the origin of a report, by which it can be made again, a dict.
 
-    It has commit, command, versions of packages, and config. `release` is the version of imuloop,
-    `repository` the folder of the workflow, `command` the command that was run, and `config` the
-    resolved config of all devices.
+    Its keys are ``imuloop``, ``commit``, ``command``, ``versions`` (of Python and of packages) and
+    ``config``. `release` is the version of imuloop, `repository` the folder of the workflow,
+    `command` the command that was run, and `config` the resolved config of all devices.
     """
     versions = {"python": platform.python_version()}
     for name in PACKAGES:

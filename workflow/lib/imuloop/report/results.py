@@ -24,11 +24,11 @@ CALIBRATIONS = {
 
 @dataclass(frozen=True)
 class SessionResults:
-    """The result files of one session of a device, read.
+    """The content of the result files of one session of a device.
 
     `quality` is the content of quality.json, `source` the metadata of samples.parquet, `segments`
-    the table of rests, moves and gaps, and `segmentation` its counts. `allan` and `spectra` are the
-    tables of Allan deviations and of power spectral densities.
+    the table of rests, moves and gaps, and `segmentation` the metadata of this table. `allan` and
+    `spectra` are the tables of Allan deviations and of power spectral densities.
     """
 
     name: str
@@ -69,7 +69,7 @@ class SessionResults:
 
 @dataclass(frozen=True)
 class DeviceResults:
-    """All result files of one device, read.
+    """The content of all result files of one device.
 
     `calibrations` are by method, as in `CALIBRATIONS`. `noise` and `diagnosis` are the contents of
     noise.json and diagnosis.json. `poses`, `moves` and `reference` are the tables of the residuals
@@ -118,8 +118,8 @@ class DeviceResults:
 def axes_of(content):
     """Return the noise of each channel, a dict of AxisNoise by channel, ``ax`` to ``gz``.
 
-    `content` is the entry ``axes`` of noise.json. A channel that it lacks gets an AxisNoise without
-    terms.
+    `content` is the entry ``axes`` of noise.json. A channel that it lacks gets an AxisNoise in
+    which no coefficient is known.
     """
     return {c: AxisNoise.from_dict(content[c]) if c in content else AxisNoise() for c in CHANNELS}
 

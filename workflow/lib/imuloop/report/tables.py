@@ -115,10 +115,10 @@ def wander(noise, interval, length):
 
 
 def _after_an_hour(device, sensor):
-    """Return a text on how far the biases of a sensor may change in an hour, 1 σ by axis.
+    """Return a text on how far the biases of a sensor may change in an hour, 1 σ of each axis.
 
-    `device` is a DeviceResults, and `sensor` the name of the sensor. The text is empty if no axis
-    has flicker, random walk or a Gauss-Markov process.
+    The text continues a sentence below a table. It is empty if no axis has flicker, random walk or
+    a Gauss-Markov process. `device` is a DeviceResults, and `sensor` the name of the sensor.
     """
     sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
