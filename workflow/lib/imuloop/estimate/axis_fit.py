@@ -100,7 +100,7 @@ def combine_axes(count, estimates):
 
     Each axis a has estimates θ_a of some of the parameters, with the covariance C_a. Parameters
     that several axes estimate are averaged with the weights C_a⁻¹: ``C = (Σ C_a⁻¹)⁻¹`` and
-    ``θ = C Σ C_a⁻¹ θ_a``. Parameters that no axis estimates are zero.
+    ``θ = C Σ C_a⁻¹ θ_a``. Parameters that no axis estimates are zero and have the variance zero.
 
     Parameters
     ----------
@@ -164,11 +164,12 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     probability of the hypothesis in the fit with the parameters. So an effect that changes as
     slowly as slow noise is not significant unless the data exclude this noise.
 
-    If other data say how large the noise is (`least_scale` above zero), there is a second set of
-    weights: the probabilities in the fit without the parameters. They count because q parameters
-    also fit some of the noise. Schwarz's criterion ``ln L - q/2 ln n``, with the likelihood L and n
-    degrees of freedom, compares the two fits and so gives the share of the second set. This share
-    is at most one half.
+    If other data say how large the noise is (`least_scale` above zero), the weights are a mixture
+    of these probabilities and the probabilities in the fit without the parameters. The latter count
+    because q parameters also fit some of the noise. Their share in the mixture is
+    ``1/(1 + max(1, B))``. By Schwarz's criterion, B is ``n^(-q/2)`` times the ratio of likelihoods,
+    with the parameters over without them; n are the degrees of freedom of the fit without them. So
+    the share is one half if the data do not need the parameters, and near zero if they clearly do.
 
     Parameters
     ----------

@@ -111,8 +111,9 @@ class Choices(Search):
             `effects`, which are in the model already, and the next ones. If no effect and no pair
             lowers the held-out errors with confidence, this is `effects` itself.
         dict
-            The effects that were tried and failed. By kind of effect it has the 95 % interval,
-            [low, high], of the ratio of held-out errors, with the effect over without it.
+            The effects that were tried and did not lower the held-out error. A key is the kind of
+            such an effect. Its value is the 95 % interval, [low, high], of a ratio: the held-out
+            error with the effect over the error without it.
         """
         failed = {}
         while best := self.best_trial(effects, [k for k in self.kinds if k not in failed]):
@@ -145,16 +146,15 @@ class Choices(Search):
 
         Each of the `effects` is tested with all others in the model. It fails if its addition to
         the others does not lower the held-out error, or if it cannot be estimated next to the
-        others.
+        others. In the first case its kind is also added to the dict `failed`, with the 95 %
+        interval of a ratio: the held-out error with the effect over the error without it.
 
         Returns
         -------
         tuple of Effect
-            All effects; without the one that failed, if one did.
+            All effects if none fails; otherwise all but the first one that fails.
         dict of Effect to Trial, or None
-            The test of each effect; None if one effect failed. If it failed by the held-out error,
-            the 95 % interval of its error ratio is stored in the argument `failed`, a dict by kind
-            of effect.
+            The test of each effect if none fails; otherwise None.
         """
         trials = {}
         # effects of time are tested, and so removed, before effects of temperature
@@ -182,7 +182,8 @@ class Choices(Search):
         errors is taken on the axis on which the trial has the smallest p-value. There is one
         exception: if this axis does not show that the errors fall, but all axes together do, the
         ratio is taken over all axes. The errors of each axis are then divided by their root mean
-        square without the effect.
+        square without the effect. If the rows outside some fold do not determine the parameters,
+        the ratio is infinite, so the effect counts as one that does not lower the errors.
         """
         problem = self.problem
         try:
@@ -213,9 +214,10 @@ class Choices(Search):
     def nested_choice(self, search):
         """Return the effects that are significant in the training rows of a `search`, a tuple.
 
-        It is the function `choose_effects` with which `errors` gives the held-out errors of the
-        chosen model: so the choice is nested in the cross-validation. The Search tries only the
-        kinds of effects that the choice by all rows adds. Its training rows, those that it does not
-        hold out, decide which of them are significant, and give their constants and sizes.
+        This method is passed to `errors` as `choose_effects`, for the held-out errors of the chosen
+        model. The effects are then chosen again for each fold, without its rows, so the choice is
+        nested in the cross-validation. The Search tries only the kinds of effects that the choice
+        by all rows adds. Its training rows, which it does not hold out, decide which of these kinds
+        are significant, and give the constants of the effects.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

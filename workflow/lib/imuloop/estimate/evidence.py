@@ -36,9 +36,10 @@ class Hypotheses:
     def weighted_sum(self, weights):
         """Return the sum of the h covariances, (n, n), each multiplied by its weight.
 
-        `weights`, (h,), has the weights, such as the probability of each covariance. Only the
-        inverses are stored, so each covariance is recomputed. Covariances with less than 1e-9 of
-        the largest weight are skipped.
+        `weights`, (h,), has the weights. If they are the probability of each covariance times its
+        estimated factor, the sum is the expected covariance of the noise. Only the inverses are
+        stored, so each covariance is recomputed. Covariances with less than 1e-9 of the largest
+        weight are skipped.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -239,7 +240,8 @@ class Evidence:
 
         Each fold is predicted by a fit to the rows outside it. The fit has the nuisance parameters,
         as the level of each record, and no effects. `hypothesis` is the index of a noise
-        hypothesis. It gives both the covariance of the noise and the weights of the fits.
+        hypothesis. The covariance by this hypothesis is used twice: for the noise in the data and,
+        as its inverse, for the weights of the fits.
         """
         if hypothesis not in self._variances:
             variances = []

@@ -45,8 +45,10 @@ def fold_fits(values, weights, jacobian, row_folds, counts=None):
     Returns
     -------
     list of (ndarray, dict)
-        For each fit, first the errors E r, (n, m), which are zero in rows of no fold. Then a dict
-        that has for each fold the matrix ``(Jᵀ W J)⁻¹``, (p, p), of its training rows.
+        One pair for each fit. The array has the errors E r, (n, m); they are zero in rows that
+        belong to no fold. The keys of the dict are the numbers of the folds. The value of a fold is
+        ``(Jᵀ W J)⁻¹``, the covariance of the k parameters of the fit to the rows outside the fold,
+        (k, k).
     """
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -151,8 +153,9 @@ def ratio_interval(fold_of_row, before, after):
     time. A jackknife needs several folds in which the errors change, so `cut_folds` first cuts the
     folds with the largest change. The standard error belongs to the mean of the jackknife's
     pseudo-values. The interval uses Student's t, with one degree of freedom less than there are
-    folds. It is zero to infinity if fewer than two folds have errors. (An interval of the logarithm
-    has the same coverage, but is far wider if one fold has most of the error, as with a step.)
+    folds. If fewer than two folds have errors, the interval is zero to infinity. (An interval of
+    the logarithm of the ratio has the same coverage, but is far wider if one fold has most of the
+    error, as with a step.)
 
     Parameters
     ----------
@@ -186,8 +189,8 @@ def cut_folds(fold_of_row, change):
     """Return masks of the folds, after folds with much change are cut into several.
 
     A fold with m times the mean change of all folds is cut into m consecutive folds of equal
-    change. In a warm-up, for example, the first fold has nearly all of the change, and a jackknife
-    needs several folds that have some.
+    change. In a warm-up, for example, the first fold has nearly all of the change, but a jackknife
+    needs several folds in which the errors change.
 
     Parameters
     ----------

@@ -104,9 +104,10 @@ class JointFit:
         ndarray, shape (N, N)
             Covariance by the noise of known size.
         list of Component
-            Slow noise: flicker and random walk of each channel whose size has a standard error in
-            the noise model. The size and its error there are the prior of the component's size. If
-            rotations were sampled too slowly, the last component is the error of these rotations.
+            Slow noise of uncertain size. Flicker is one component for each channel, and random walk
+            another, if the noise model gives the standard error of its size. The size and the
+            standard error in the noise model are the prior of the component. If rotations were
+            sampled too slowly, the last component is the error of these rotations.
         list of Component
             For each kind of residual an excess, independent noise of unknown size. It stands for
             errors that the model lacks and for the motion of a hand, which do not average out over

@@ -151,8 +151,8 @@ def chi_square(values, covariance, jacobian, groups):
     list of (float, float)
         χ² and degrees of freedom of each group. The degrees of freedom are the number of residuals
         of the group minus the number of parameters that this group determines. This number is the
-        trace of ``J C Jᵀ Σ⁻¹``, with the rows of the group alone in J and Σ, and the covariance C
-        of the parameters.
+        trace of ``J C Jᵀ Σ⁻¹``. J and Σ have here the rows of the group alone; C is the covariance
+        of the parameters in the fit to all residuals.
     float
         Logarithm of the restricted likelihood of all residuals.
     """

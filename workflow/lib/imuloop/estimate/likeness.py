@@ -22,11 +22,12 @@ SINGULAR = 1e-9
 def share_on_axes(training_fit, first, second):
     """Return the share of one effect that a second effect can explain, from 0 to 1.
 
-    An effect explains another one if it changes the rows in the same way, with other values of its
-    parameters. On each axis on which the first effect acts, the second explains at least a certain
-    share of the square of the first, for any parameters of the first (`imitated_share`). The result
-    is the smallest of these shares. `training_fit` is the TrainingFit of the rows; `first` and
-    `second` are Effects with their constants.
+    An effect explains another one if it changes the rows in the same way, with some values of its
+    parameters. The square of an effect is the weighted sum of squares of its change of the rows.
+    On each axis on which the first effect acts, `imitated_share` gives the share of its square that
+    the second explains at least, for any parameters of the first. The result is the smallest of
+    these shares. `training_fit` is the TrainingFit of the rows; `first` and `second` are Effects
+    with their constants.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
     # by axis, the numbers of the columns of both effects; axes with the same columns count once. An
@@ -41,8 +42,9 @@ def imitated_share(training_fit, first, second):
     The pattern of an effect is the derivative of all rows with respect to its parameters. The
     nuisance parameters, which every fit has, are projected out of the patterns. The share is
     ``cos²`` of the largest principal angle between the two patterns. So the second effect explains
-    at least this share of the square of the first one, for any parameters of the first. Products of
-    columns are weighted with the inverse of the noise covariance that is likeliest without effects.
+    at least this share of the first one, for any parameters of the first: of the weighted sum of
+    squares of its change of the rows. The weights are the inverse of the noise covariance that is
+    likeliest without effects.
 
     The share is zero if the second effect has fewer columns than the first, or if the columns of
     one of the effects are linearly dependent.
@@ -78,7 +80,8 @@ def imitations(search, kinds):
     """Return the pairs of kinds of effects that these data can hardly tell apart, a list of dict.
 
     A dict has the names of the two kinds: ``effect``, which is imitated, and ``with``, which
-    imitates it. It also has the ``share`` of the first kind's square that the second explains.
+    imitates it. It also has the ``share`` of the first kind's square that the second explains. The
+    square is the weighted sum of squares of the change of the rows by an effect of the first kind.
     Pairs with a share below `SHARE` are left out.
 
     A kind has variants, effects with values of their constants. For each variant of the first kind,

@@ -35,8 +35,8 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     For each limit the data are assumed to have the effect with this one parameter. The time
     constant or width in the data differs by the factor `BETWEEN` from the constant of the tested
     effect, as the true one lies between two values of the grid that is searched. The limit is the
-    least of the `SIZES` that meets two conditions: it passes the significance test with the
-    probability `power`, and it lowers the held-out error with confidence. Both are computed from
+    least of the `SIZES` from which on all meet two conditions: they pass the significance test with
+    the probability `power`, and lower the held-out error with confidence. Both are computed from
     expected values, without random data. For an effect that slow noise imitates, the noise is
     estimated again with the effect in the data.
 
@@ -157,7 +157,7 @@ class AxisTest:
         return drops[1] - drops[0]
 
     def passes(self, sizes):
-        """Return the sizes that pass the significance test often enough, (s, q) of bool.
+        """Return whether each size passes the significance test often enough, (s, q) of bool.
 
         `sizes`, (s, q), has s increasing sizes of each of q parameters; the data have one of them
         at a time. A size counts if it passes with the probability `power`. Under each noise
@@ -165,7 +165,8 @@ class AxisTest:
         is the fall of χ² by the effect at size one (`chi_square_drop`), and scale is the estimated
         factor on the covariance of the noise. F exceeds its lower quantile with the probability
         `power`, so the p-value of this quantile counts. These p-values are averaged over the
-        hypotheses, and combined with the p-values of the other axes by Fisher's method.
+        hypotheses. Fisher's method combines the average with one p-value for each other axis: one
+        half, the median in data without an effect on that axis.
         """
         without, fit = self.fits
         # number of parameters that the effect adds
@@ -185,7 +186,7 @@ class AxisTest:
         return fisher([log_p, *[CHANCE] * (self.trial.axes - 1)]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
-        """Return the sizes that pass the significance test if the effect resembles slow noise.
+        """Return whether sizes of an effect that resembles slow noise pass the significance test.
 
         The estimate of slow noise is higher in data with such an effect. So the noise is estimated
         again in data with the effect, and the test is repeated. These data are the residuals plus
@@ -239,8 +240,15 @@ class AxisTest:
             B_k = Σ (v + z² c²),    A_k = Σ (v + z² C² + d V dᵀ).
 
         The variance of their difference is ``Σ 4 v (z² (c - C)² + d V dᵀ)``. From these sums follow
-        the ratio ``√(A/B)`` over all folds and its jackknife error. `problem` is the StaticProblem,
-        PoseProblem or MotionProblem; it gives the unit of the errors and the kinds of residuals.
+        the ratio ``√(A/B)`` over all folds and its jackknife error. They have only the rows of one
+        kind of residual, the one that the effect changes most.
+
+        Exception: no size counts if the errors δ alone may make the held-out error of some kind of
+        residual more than `MARGIN` times the error by noise alone. The verdict could then be
+        ``partly_explained`` even with the right effect.
+
+        `problem` is the StaticProblem, PoseProblem or MotionProblem; it gives the unit of the
+        errors and the kinds of residuals.
         """
         evidence, quantile = self.training_fit.evidence, ndtri(self.power)
         groups, folds, q = evidence.row_groups, evidence.row_folds, len(self.columns)

@@ -53,9 +53,9 @@ def total_covariance(fixed, components, sizes):
 def likely_sizes(values, jacobian, fixed, components, start=None):
     """Return the most likely sizes of k variance components of the noise, (k,).
 
-    A size is a factor on the standard deviation of the component. It is at most `FARTHEST` (1.96)
-    prior standard deviations above its prior value. It is zero if the likelihood is largest at
-    zero.
+    A size is a factor on the standard deviation of the component. The likeliest size is sought from
+    zero to `FARTHEST` (1.96) prior standard deviations above its prior value. Without a prior there
+    is no upper bound. The most likely size may be zero.
 
     Parameters
     ----------
@@ -133,8 +133,9 @@ class SizeLikelihood:
     def terms(self, values, squares):
         """Return minus the log of likelihood times prior, its gradient and its information.
 
-        The gradient, (k,), and the average information, (k, k), are derivatives with respect to the
-        squares of the sizes of the k components. `maximise` says what average information is.
+        The first is a float, which the search for the sizes minimises. The gradient, (k,), has its
+        derivatives with respect to the squares of the sizes of the k components. The average
+        information, (k, k), stands for the second derivatives; `maximise` says how it is computed.
 
         Parameters
         ----------
@@ -172,8 +173,9 @@ class SizeLikelihood:
         derivative in a step is the average information ``rᵀ P V_k P V_l P r/2`` of components k and
         l, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. V_k is the covariance by component k at
         size one. The information is divided by the reduced χ² if that is above one, because the
-        information falls by this factor once the sizes have grown. Each step is damped until the
-        likelihood rises.
+        information falls by this factor once the sizes have grown. Exception: while a size is at
+        its upper bound, the residuals may stay larger than the noise, and the information is not
+        divided. Each step is damped until the likelihood rises.
 
         Parameters
         ----------
@@ -222,7 +224,8 @@ def bounded_step(hessian, gradient, low, high):
     positive definite. `low` and `high`, (k,), may be infinite. The method fixes some components of
     s at a bound and solves for the others. Then it fixes all components that are beyond a bound,
     and frees those that the gradient pushes off their bound. This is repeated until the fixed
-    components no longer change. Should it cycle, the last step is clipped.
+    components no longer change, or `STEPS` times. In the latter case the last s is clipped to its
+    bounds.
 
     References
     ----------

@@ -36,9 +36,10 @@ def _price(base, effect):
     """Return the price of an effect, a float that is added to its log p-value.
 
     An `effect` with a constant that is rarely needed, such as the lag of a thermometer, has a
-    price: it must be more significant than others. The price is zero if an effect of the same name
-    in `base`, the effects in the model, has the same constants already, as a device has one
-    thermometer with one lag.
+    price: it must be more significant than an effect without this constant. All other effects have
+    the price zero. Exception: the price is also zero if `base`, the effects in the model, has an
+    effect of the same name with the same constants. A device has one thermometer with one lag, so
+    the price is paid once.
     """
     if not effect.price:
         return 0.0
@@ -49,7 +50,7 @@ def _price(base, effect):
 def _of_temperature(effect):
     """Return whether an `effect` depends on the present temperature, a bool.
 
-    It is False for effects of time and of past temperatures.
+    It is False for all other effects, such as those of time and of past temperatures.
     """
     return "temperature" in effect.needs and not effect.after_temperature
 

@@ -83,12 +83,13 @@ class TrainingFit:
 
     @cached_property
     def log_det(self):
-        """The part of the restricted likelihood by determinants: ``log|Σ| + log|Nᵀ Σ⁻¹ N|``, (h,).
+        """The sum ``log|Σ| + log|Nᵀ Σ⁻¹ N|``, (h,); minus half of it is in the log likelihood.
 
-        Σ is the covariance of the training rows, which are not held out, under each of h noise
-        hypotheses. N is the derivative of these rows with respect to the nuisance parameters. The
-        sum equals ``log|Σ_all| + log|Uᵀ P U|`` with the covariance Σ_all of all rows and its
-        inverse P. U has N, and a unit vector for each held-out row.
+        The likelihood is the restricted one, with the nuisance parameters integrated out. Σ is the
+        covariance of the training rows, which are not held out, under each of h noise hypotheses. N
+        is the derivative of these rows with respect to the nuisance parameters. The sum equals
+        ``log|Σ_all| + log|Uᵀ P U|`` with the covariance Σ_all of all rows and its inverse P. U has
+        this derivative for all rows, and a unit vector for each held-out row.
         """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
         diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
@@ -146,7 +147,9 @@ class TrainingFit:
         - The correction of a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``.
         - The square of x is ``xᵀ P x`` minus the part of |t|² by the held-out rows, under the first
           noise hypothesis. A fit compares it with the square that remains of x after the nuisance
-          parameters and other columns are projected out: x depends on them if too little remains.
+          parameters and other columns are projected out: x counts as linearly dependent on them if
+          less than the share `ABSORBED` remains. Exception: the square is infinite, so that x
+          counts as dependent, if x is zero in all training rows except for rounding errors.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._columns]
         if not new:
@@ -202,10 +205,11 @@ class TrainingFit:
     def step_information(self, i, hypothesis):
         """Return how well n rows of a group would show a step before each of them, (n,).
 
-        An entry is the Fisher information about the size of a step: ``xᵀ P̃ x`` for the column x,
-        which is zero before the step and one after it. P̃ is the precision of the training rows
-        after the nuisance parameters are projected out. `i` is the index of the group of rows, and
-        `hypothesis` the index of the noise hypothesis.
+        An entry is the Fisher information about the size of a step, the inverse of the variance
+        with which a fit would estimate it. It is ``xᵀ P̃ x`` for the column x, which is zero before
+        the step and one after it. P̃ is the precision of the training rows after the nuisance
+        parameters are projected out. `i` is the index of the group of rows, and `hypothesis` the
+        index of the noise hypothesis.
         """
         if (i, hypothesis) not in self._steps:
             precision = self.evidence.row_groups[i].noise.precision[hypothesis]
@@ -394,11 +398,12 @@ class TrainingFit:
         """Return the coefficients of k columns, (k,), and their covariance, (k, k).
 
         The columns are the derivatives of the rows with respect to the parameters of the `effects`,
-        on the axis with the index `axis`. P̃ is the precision of the training rows after the
-        nuisance parameters are projected out, under the likeliest noise hypothesis that estimates
-        may use. It gives the coefficients. Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the
-        columns Z, ``A = Zᵀ P̃ Z`` and the noise covariance Σ averaged over all hypotheses. Both
-        results are None if the columns are linearly dependent.
+        on the axis with the index `axis`. The coefficients are estimated with the weights P̃, under
+        the likeliest noise hypothesis that estimates may use. P̃ is the precision of the training
+        rows after the nuisance parameters are projected out. The covariance of the coefficients is
+        ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z, ``A = Zᵀ P̃ Z`` and the noise covariance Σ
+        averaged over all hypotheses. Both results are None if the columns are linearly dependent,
+        and zero if all residuals of the axis are zero.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:

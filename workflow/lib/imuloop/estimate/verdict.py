@@ -38,7 +38,8 @@ class ResidualGroup:
     # m arrays, (n, n): covariance of the residuals by each alternative; the first is the noise as
     # estimated
     covariances: list
-    error_covariances: list  # m arrays, (n, n): covariance of the held-out errors by each
+    # m arrays, (n, n): covariance of the held-out errors by each alternative
+    error_covariances: list
     kinds: list  # for each kind of residual, such as rotation, a mask of its residuals, (n,)
 
 
@@ -189,7 +190,7 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
 
 
 def why_not_shown(kind, limits, units):
-    """Return the reason, text, why even the largest possible effect would not show, or None.
+    """Return the reason for which not even the largest possible effect would show, text, or None.
 
     The reason is that the detection limit of every parameter is above the largest possible size, or
     that no limit exists. The result is None if some parameter could show. `kind` is the kind of

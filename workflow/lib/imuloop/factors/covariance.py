@@ -161,10 +161,10 @@ class ResidualCovariance:
         return self._select_counted(_propagate(gain, self.means.of_one[term]))
 
     def of_aliasing(self):
-        """Return the covariance of the N residuals in the fit, (N, N), by undersampling.
+        """Return the covariance, (N, N), that undersampling gives the N residuals in the fit.
 
-        If the samples of a move are too far apart to show all of its motion, its rotation has an
-        error.
+        Undersampling: the samples of a move are too far apart to show all of its motion. Then the
+        rotation that is integrated from them has an error, which enters the residuals of this move.
         """
         total, places = np.zeros((len(self.counted),) * 2), self.places
         total[places[:, :, None], places[:, None]] = self._extra(self.moves.aliasing_covariance)
@@ -184,7 +184,8 @@ class ResidualCovariance:
         """Covariance of the residuals of each move by white noise of density one, (6, m, a, a).
 
         The axes are the channel that has the noise, in the order ax … gz, the m moves, and twice
-        the a residuals of a move.
+        the a residuals of a move. For a channel with another density, its entry is multiplied by
+        the square of this density.
         """
         a = self.rows.residual.shape[1]
         by_turn = np.moveaxis(self.rows.by_turn, -1, 0)
@@ -198,11 +199,12 @@ class ResidualCovariance:
         return covariance
 
     def _extra(self, covariance):
-        """Return the covariance, (m, a, a), of each move's a residuals by errors of its rotation.
+        """Return the covariance, (m, a, a), that rotation errors give the a residuals of each move.
 
-        These errors come from dropped samples, jitter or undersampling. A move has g of them, at g
-        of its time steps, each on three body axes. `covariance`, (m, g, 3, 3), rad², is the
-        covariance of each error; different errors are independent.
+        Dropped samples, jitter or undersampling cause these errors. Each of m moves has g errors,
+        at g of its time steps. An error is a small rotation, rad, about the three body axes.
+        `covariance`, (m, g, 3, 3), rad², has the covariance of each error; different errors are
+        independent.
         """
         # (m, g): index of the time step of the move at which the errors of each part enter
         steps = self.moves.extra_at
@@ -211,11 +213,11 @@ class ResidualCovariance:
 
     @cached_property
     def _tilt_columns(self):
-        """Factors of the covariance by white noise in rests in which the device tilts, (3, L, c).
+        """A matrix C for each angular rate, (3, L, c), for white noise in rests with a tilt.
 
-        The first axis has the three angular rates. White noise of density one in a rate gives the L
-        residuals the covariance ``C Cᵀ``, with the factor C, (L, c), of this rate. C has two
-        columns for each rest with a tilt. The L residuals include those that the fit does not use.
+        ``C Cᵀ`` is the covariance of all L residuals, also of those that the fit does not use. It
+        has one cause: white noise of density one in this rate during rests in which the device
+        tilts. C has two columns for each such rest, c in all.
 
         If the device tilts in a rest of duration T, the direction of gravity at its start and at
         its end follows from the mean direction and a small rotation by the gyroscope. White noise n
@@ -268,10 +270,10 @@ class ResidualCovariance:
 def _integrate_parts(values, seconds, passed):
     """Return the integrals over time of values in `PARTS` equal parts of each move.
 
-    The result is (m, `PARTS`, a, 3): moves, parts of a move, and the shape of a value. `values`,
-    (m, k, a, 3), has k values of shape (a, 3) for each of m moves. `seconds`, (m, k), is the time
-    that each value lasts, and `passed`, (m, k), the time from the start of the move to each value,
-    s.
+    The result is (m, `PARTS`, a, 3). Its axes are the moves, the parts of a move, and the two axes
+    of a value. `values`, (m, k, a, 3), has k values of shape (a, 3) for each of m moves. `seconds`,
+    (m, k), is the time that each value lasts, s. `passed`, (m, k), is the time from the start of
+    the move to each value, s; it says which part a value belongs to.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]

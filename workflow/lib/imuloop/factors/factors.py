@@ -62,7 +62,9 @@ class Factors:
     def kinds(self):
         """Kinds of residuals that count in the fit, a dict.
 
-        Each kind has its SI unit and its number of components.
+        A key is the name of a kind; its value is a pair, the SI unit and the number of components.
+        Rotations do not count without the accelerometer, as their residual needs its direction of
+        gravity.
         """
         owners = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
         kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in owners}
@@ -174,21 +176,24 @@ class Measurements:
 
     @cached_property
     def designs(self):
-        """By sensor, a dict: the derivative of the sum of its effects by their q parameters.
+        """Derivatives of the effects of both sensors, a dict with one pair for each sensor.
 
-        The derivative is a pair: at the n rests, (n, 3, q), and at the k samples of each of m
-        moves, (m, k, 3, q). The latter is None for the accelerometer if the fit uses no velocity.
-        The axis of length 3 has the axes of the sensor.
+        A key is the name of a sensor. Its pair has the derivatives of the sum of the sensor's
+        effects with respect to their q parameters. The first entry is taken at the n rests,
+        (n, 3, q), the second at the k samples of each of m moves, (m, k, 3, q). The axis of length
+        3 has the axes of the sensor. The second entry is None for the accelerometer if the fit uses
+        no velocity.
         """
         return self.designs_at(self.linearisation_point)
 
     def designs_at(self, state):
-        """Return `designs`, the derivatives of the effects, at the State `state`, a dict by sensor.
+        """Return the derivatives of the effects in a State, the argument `state`, a dict of pairs.
 
-        The derivative of the sum of a sensor's effects with respect to their q parameters is a
-        pair: at the n rests, (n, 3, q), and at the k samples of each of m moves, (m, k, 3, q). The
-        axis of length 3 has the axes of the sensor. The second entry is None for the accelerometer
-        if the fit uses no velocity.
+        A key is the name of a sensor. Its pair has the derivatives of the sum of the sensor's
+        effects with respect to their q parameters, at the calibrated values by this State. The
+        first entry is taken at the n rests, (n, 3, q), the second at the k samples of each of m
+        moves, (m, k, 3, q). The axis of length 3 has the axes of the sensor. The second entry is
+        None for the accelerometer if the fit uses no velocity.
         """
         recording = self.recording
         return {

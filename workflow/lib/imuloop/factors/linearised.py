@@ -14,11 +14,12 @@ from imuloop.model.state import BIAS, COUNT, NAMES, State
 
 @dataclass(frozen=True)
 class MoveTerm:
-    """One term of the derivative of the residuals of m moves: the part by values of one sensor.
+    """One of several terms whose sum is the derivative of the residuals of m moves.
 
-    The derivative is the sum of several terms. The values of a term are calibrated values of the
-    sensor: k samples of each move, or the mean over the rest before or after the move; then k is
-    one. The term enters the last a residuals of each move.
+    The residuals depend on calibrated values of both sensors. A term is the part of the derivative
+    that comes through k values of one sensor for each move. These are the k samples of the move, or
+    the mean over the rest before or after it; then k is one. The term enters the last a residuals
+    of each move.
     """
 
     sensor: str

@@ -115,8 +115,8 @@ def rest_rate(sensor, w, D):
 
     The residual is ``r = K (y - b) - e``, rad/s, three components on the sensor's axes. The
     misalignment T is left out: it does not change whether a rate is zero. The derivative of the
-    residual with respect to y, which only weights the noise, is taken as one, as K is one within a
-    few percent.
+    residual with respect to y (`gain`) is taken as one, although it is K: K is one within a few
+    percent, and the derivative serves only for the covariance by noise.
 
     Parameters
     ----------
