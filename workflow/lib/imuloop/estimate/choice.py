@@ -53,7 +53,8 @@ class Choices(Search):
         A row is one scalar residual per axis. A fold has the rows that are held out together. Each
         fold is predicted by a fit to the rows outside it. The effects in this fit may depend on the
         fold: `choose_effects` is a function that takes the Search in the rows outside the fold and
-        returns the effects, a tuple. The errors of rows that belong to no fold are nan.
+        returns the effects, a tuple. Rows that belong to no fold are not predicted: their errors
+        are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):

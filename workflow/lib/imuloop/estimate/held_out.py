@@ -25,7 +25,8 @@ def fold_fits(values, weights, jacobian, row_folds, counts=None):
     their Jacobian. The held-out residuals r_h, with the Jacobian J_h, have the error
     ``E r = r_h - J_h A r_s``, with all residuals r. E is linear, so the covariance of the errors is
     ``E Σ Eᵀ`` with the covariance Σ of r. In this covariance, slow noise that training and held-out
-    rows share cancels as far as a fitted bias follows it.
+    rows share cancels as far as a fitted bias follows it. Parameters that the training rows do not
+    determine, because only held-out rows depend on them, are zero.
 
     Parameters
     ----------

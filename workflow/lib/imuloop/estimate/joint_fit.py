@@ -212,6 +212,8 @@ class JointFit:
 
         `solution` is the Fit. `covariance`, (p, p), is the covariance of its p estimates. By
         default it is the covariance in the Fit, times the reduced χ² if that is above one.
+        Exception: a bias of the gyroscope that the fit holds at its value before the fit keeps the
+        variance by the prior, and has no covariance with other parameters.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}

@@ -46,7 +46,8 @@ class Fit:
     dof: float  # degrees of freedom of χ², n - p + tr(R C Rᵀ)
     white: np.ndarray  # (n,): residuals after whitening, L⁻¹ r with L Lᵀ = Σ
     effects: tuple = ()  # effects that the model has
-    # reduced χ² with the covariance of the noise alone, by sensor, and of 'motion'
+    # reduced χ² with the covariance of the noise alone: by name of the sensor whose residuals it
+    # has, or 'motion' for residuals of both sensors
     reduced_chi2: dict = field(default_factory=dict)
 
     @property
@@ -132,8 +133,9 @@ def fit(linearise, x0, covariance, prior=None, first=None):
 def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
-    The residuals come from an earlier fit, maybe with other weights. So the p parameters are first
-    fitted again to all residuals, by one linear step.
+    The residuals come from an earlier fit, which may have used other weights than Σ⁻¹. So the p
+    parameters are first fitted again to all residuals, by one linear step. By χ² and its degrees of
+    freedom each kind of residual is compared with its noise.
 
     Parameters
     ----------

@@ -114,8 +114,9 @@ def twin(search, base, kind):
 
     The candidate is another kind of effect. An effect in the model is its twin if two things hold:
     the candidate passes the significance test in a model without the effect, and the effect fails
-    it in a model with the candidate. `search` is the Search in all rows, `base` has the effects in
-    the model, and `kind` is the kind of the candidate. The result is None without a twin.
+    it in a model with the candidate. The candidate is then reported as confounded with the twin.
+    The result is None if no effect in the model is a twin. `search` is the Search in all rows,
+    `base` has the effects in the model, and `kind` is the kind of the candidate.
     """
     for effect in reversed(base):
         other_effects = tuple(e for e in base if e is not effect)
@@ -131,9 +132,10 @@ def twin(search, base, kind):
 def masking_effect(search, base, kind):
     """Return the name of an effect in the model that prevents the test of a candidate, or None.
 
-    The candidate is another kind of effect. With all effects in the model it cannot be estimated;
-    without the returned one it can. The result is None if there is no such effect. `search` is the
-    Search in all rows, `base` has the effects in the model, and `kind` is the kind of the
+    The candidate is another kind of effect. Next to all effects in the model the candidate cannot
+    be estimated; if the returned effect is left out of the model, it can. The candidate is then
+    reported as confounded with this effect. The result is None if there is no such effect. `search`
+    is the Search in all rows, `base` has the effects in the model, and `kind` is the kind of the
     candidate.
     """
     alone = search.trial((), kind)

@@ -51,7 +51,8 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     power : float
         Probability with which the test has to find the effect.
     must_lower_error : bool
-        Whether the second condition, a lower held-out error, has to be met too.
+        Whether the second condition, a lower held-out error, has to be met too. If not, the limits
+        come from the significance test alone.
 
     Returns
     -------
@@ -103,7 +104,8 @@ def first_size(passes):
     """Return for each of q parameters the first size from which on all sizes pass, (q,) of int.
 
     `passes`, (s, q) of bool, says which of s increasing sizes of each parameter pass a test. The
-    result has indices of sizes. An index is s if the largest size fails.
+    result has indices of sizes; by it a detection limit is found. An index is s, beyond the last
+    size, if the largest size fails.
     """
     # from the largest size down; the last row, which fails, ends the search for the first failure
     descending = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]

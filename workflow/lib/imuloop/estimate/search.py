@@ -27,7 +27,8 @@ FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 def kinds_of(effects):
     """Return a tuple with the kind of each of some `effects`.
 
-    A kind is the class of the effect, with the sensor if the search is for both sensors.
+    A kind is the class of the effect; if the search is for both sensors, it is the class together
+    with the sensor.
     """
     return tuple(effect.kind for effect in effects)
 
@@ -64,7 +65,8 @@ class Trial:
     """
 
     effect: Effect  # the best variant
-    log_p: float  # logarithm of the p-value times the number of variants that were tried
+    # logarithm of the product of the p-value and the number of variants that were tried
+    log_p: float
     axis: int  # index of the axis with the smallest p-value
     axes: int  # number of axes that the test combines
     # logarithm of the number of variants that were tried, plus the price of the variant: `log_p` is

@@ -19,7 +19,8 @@ LEFT = ("unexplained", "partly_explained")
 def not_testable(why):
     """Return the fields of diagnosis.json for data that cannot be tested, a dict.
 
-    `why` is the reason, one line of text.
+    They are the verdict ``not_testable``, the reason `why`, one line of text, and fields without
+    content for the residuals and effects.
     """
     lists = ("effects", "candidates", "confounded")
     return {"verdict": "not_testable", "why": why, "residuals": {}} | {name: [] for name in lists}

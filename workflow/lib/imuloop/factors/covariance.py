@@ -135,7 +135,8 @@ class ResidualCovariance:
         """Return the covariance, (N, N), that noise gives the N residuals in the fit.
 
         `noise` is the NoiseModel, the coefficients of the noise of each channel. If `aliasing` is
-        true, errors of rotations by undersampling are included; if false, they are left out.
+        true, errors of rotations by undersampling are included; if false, they are left out. Errors
+        of rotations by dropped samples and jitter are always included.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):

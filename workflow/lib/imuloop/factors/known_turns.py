@@ -45,7 +45,8 @@ class KnownTurns:
         Its bias b is the mean angular rate of the rests. Its matrix T K, misalignment times scale
         factors, is the least-squares solution of ``T K (a - b L) = θ u`` for all turns. a is the
         integral of the angular rate over a turn, L its duration, θ its known angle, and u its axis.
-        T K is the identity if the turns do not determine it, as with one axis only.
+        Exception: if the turns do not determine T K, as turns about a single axis do not, T K is
+        the identity.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:

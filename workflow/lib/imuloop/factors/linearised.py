@@ -39,12 +39,12 @@ class MoveTerm:
         return along if self.rest is None else at_rests[self.rest, None]
 
     def rows(self, places):
-        """Return the indices of the a residuals of each of m moves that the term enters, (m, a, 1).
+        """Return the indices of those a residuals of each move that the term enters, (m, a, 1).
 
-        They are row numbers of a Jacobian. The last axis, of length one, is there to combine them
-        with numbers of columns. `places`, (m, 2 or 5), has the indices of all residuals of each
-        move. The term enters the last a of them: a force during the move changes only the
-        velocities.
+        By them the term is added to the right rows of the Jacobian. The last axis, of length one,
+        is there to combine them with numbers of columns. `places`, (m, 2 or 5), has the indices of
+        all residuals of each of m moves. The term enters the last a of them: a force during the
+        move changes only the velocities.
         """
         return places[:, -self.weights.shape[2] :, None]
 
