@@ -135,7 +135,7 @@ def chi_square(values, covariance, jacobian, groups):
 
     The residuals come from an earlier fit, which may have used other weights than Σ⁻¹. So the p
     parameters are first fitted again to all residuals, by one linear step. By χ² and its degrees of
-    freedom each kind of residual is compared with its noise.
+    freedom each group is compared with the noise that Σ assumes.
 
     Parameters
     ----------
