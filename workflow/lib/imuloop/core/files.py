@@ -93,8 +93,8 @@ def plain(value):
     """Return a value in a form that JSON can hold.
 
     `value` is a number, a text, an array, or a dict, list or tuple of such values. Arrays and
-    tuples become lists, numbers of NumPy plain numbers, not-a-number and infinity None, and keys
-    texts.
+    tuples become lists. A number of NumPy becomes a number of Python. Not-a-number and infinity
+    become None. The keys of a dict become texts. Any other value stays as it is.
     """
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}

@@ -7,8 +7,9 @@ def fisher(log_p):
     """Return the logarithm of the combined p-value of k independent tests, by Fisher's method.
 
     `log_p` is a sequence of the natural logarithms of the k p-values, numbers or arrays of one
-    shape. The result has this shape, with one combination for each element. ``-2 Σ log p`` is χ²
-    with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at ``L = -Σ log p``.
+    shape. The result has this shape, with one combination for each element. If all null hypotheses
+    are true, ``-2 Σ log p`` is χ² with 2k degrees of freedom. The combined p-value is the upper
+    tail of this distribution, ``exp(-L) Σ_{i<k} Lⁱ/i!`` with ``L = -Σ log p``.
     """
     total = -sum(log_p)
     # each term of the sum follows from the one before

@@ -34,7 +34,7 @@ class Coefficient:
 
     @property
     def size(self):
-        """The value, SI; without one, the 95 % upper limit, or None if there is no limit either."""
+        """The value, SI; without one the 95 % upper limit; None if there is no limit either."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
@@ -50,7 +50,10 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class GaussMarkovTerm:
-    """First-order Gauss-Markov process: driving white noise `q`, SI, correlation time `tc`, s."""
+    """First-order Gauss-Markov process, a noise with a memory of limited duration.
+
+    It is driven by white noise `q`, SI, and has the correlation time `tc`, s.
+    """
 
     q: Coefficient
     tc: Coefficient
@@ -89,11 +92,12 @@ _TERMS = {"gauss_markov": GaussMarkovTerm, "sinusoid": SinusoidTerm, "low_pass":
 
 
 def _read(content, name=""):
-    """Return a value of noise.json as the field of an AxisNoise, or of one of its terms.
+    """Return the object for a value in noise.json: a Coefficient, a term, a tuple, or the value.
 
-    `content` is the value, and `name` the name of the field, empty for none. A dict becomes a
-    Coefficient or, by the name of the field, a term. A list or a tuple becomes a tuple of them, and
-    any other value stays as it is.
+    The result is a field of an AxisNoise or of one of its terms. `content` is the value. `name` is
+    its key in the file, by default empty. A dict becomes a term if `name` is the name of a term,
+    such as ``sinusoid``, else a Coefficient. A list or a tuple becomes a tuple, whose items are
+    converted in the same way. Any other value stays as it is.
     """
     if isinstance(content, (list, tuple)):
         return tuple(_read(value, name) for value in content)
@@ -198,10 +202,10 @@ class AxisNoise:
         """Return the covariance of the mean noise in n windows of time, (n, n), SI squared.
 
         Flicker and random walk add a constant that all windows of a power cycle, the time between
-        two switch-offs, have in common. A fitted bias absorbs this constant, so its variance does
-        not matter and is chosen small: the walk starts at the first window. Means of different
-        power cycles are independent. Coefficients that are not identifiable count as 0. The ramp is
-        not random and adds nothing.
+        two switch-offs, have in common. A fitted bias absorbs this constant, so the variance of the
+        constant does not matter. It is made small: the walk starts from zero at the first window.
+        Means of different power cycles are independent. Coefficients that are not identifiable
+        count as 0. The ramp is not random and adds nothing.
 
         Parameters
         ----------
@@ -241,9 +245,10 @@ def edges(windows, power_cycle=None):
     Returns
     -------
     list of tuple
-        For each power cycle: the indices of its k windows, (k,); the indices of their starts, (k,),
-        and of their ends, (k,), in the m different times at which windows start or end; and the
-        result of `lags` for these times, five arrays (m, m).
+        A tuple of four items for each power cycle. The first item has the indices of its k windows,
+        (k,). The edges of these windows are m different times. The second item has the index of the
+        start of each window among these times, (k,), and the third item the index of its end, (k,).
+        The fourth item is the result of `lags` for the m times, five arrays (m, m).
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
@@ -294,7 +299,8 @@ class NoiseModel:
         """Return the NoiseModel with other values of some coefficients.
 
         `sizes` is a dict of new values, SI, by (axis, term), such as ``("gx", "B")``; all other
-        coefficients stay, and so do all intervals.
+        coefficients stay. All intervals and limits stay, too, also those of the coefficients with
+        new values.
         """
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
@@ -342,12 +348,14 @@ class NoiseModel:
 
 
 def without_weight(covariance):
-    """Return which of k covariances cannot be inverted to a weight, as two masks, (k,).
+    """Return two masks, (k,), of the covariances that cannot be inverted, out of k.
 
-    `covariance`, (k, n, n), has k covariance matrices of n values. The first mask marks covariances
-    with a variance of zero. The second marks, among the others, those in which some weighted sum of
-    the n values has next to no variance. An example is a sinusoid without other noise, whose
-    covariance has rank two at most, by its cosine and sine.
+    A fit weighs n values with the inverse of their covariance, so it cannot use such values.
+    `covariance`, (k, n, n), has k covariance matrices. The first mask marks those in which a
+    variance is zero. The second mask marks those without a zero variance whose correlation matrix
+    has an eigenvalue below `_LEAST_EIGENVALUE`: some weighted sum of the n values then has almost
+    no variance. An example is the covariance of a sinusoid without other noise, which is a sum of a
+    cosine and a sine, and so has rank two.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

@@ -215,8 +215,9 @@ class Samples:
 def holds(source, sensor):
     """Return whether a table of samples has values of a sensor.
 
-    Ingest writes zeros for a sensor that the log lacks. The result is true if there are no samples.
-    `source` is anything from which Samples can be made, and `sensor` is the name of the sensor.
+    Ingest writes zeros for a sensor that the log lacks, so the result is false if all values are
+    zero. Exception: it is true if there are no samples. `source` is anything from which Samples can
+    be made, and `sensor` is the name of the sensor.
     """
     samples = Samples(source)
     return not len(samples) or any(samples[name].any() for name in SENSORS[sensor])
@@ -295,8 +296,9 @@ def read_metadata(path):
 def own_metadata(entries):
     """Return the metadata that imuloop stored in a Parquet file, a dict.
 
-    `entries` is the dict of all metadata of the file, bytes by key. If pandas wrote the file, those
-    of imuloop are in the `attrs` of the table. The dict is empty if the file has none.
+    `entries` is the dict of all metadata of the file, bytes by key. If pandas wrote the file, the
+    metadata of imuloop are in the `attrs` of the table, which pandas stores as one entry. The
+    result is empty if the file has no metadata of imuloop.
     """
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
     # another program may write anything under this key

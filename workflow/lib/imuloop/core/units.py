@@ -51,11 +51,11 @@ class RawUnit:
     offset: float = 0.0
 
     def to_si(self, raw):
-        """Return the values `raw`, in this unit, in SI: minus the offset, times the scale."""
+        """Return `raw`, values in this unit, converted to SI: ``(raw - offset) * scale``."""
         return (np.asarray(raw, dtype=float) - self.offset) * self.scale
 
     def from_si(self, value):
-        """Return the values `value`, SI, in this unit: over the scale, plus the offset."""
+        """Return `value`, values in SI, converted to this unit: ``value / scale + offset``."""
         return np.asarray(value, dtype=float) / self.scale + self.offset
 
 

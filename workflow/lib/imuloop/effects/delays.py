@@ -55,9 +55,10 @@ class TimeOffset(Effect):
     def design(self, channels, values=(0.0,)):
         """Return the matrix D with ``e = D Δt``, SI/s, (n, 3, 1).
 
-        e is the error by the delay Δt, s, which is the only element of `values`. D is the mean rate
-        of change of the output over the delay; for Δt = 0 it is the derivative of e. The axes of D
-        are: n points of `channels`, axis of the sensor, parameter.
+        e is the error that the delay Δt, s, causes in the output; Δt is the only element of
+        `values`. D is the mean rate of change of the output over the delay. For Δt = 0, D is the
+        derivative of e with respect to Δt. The axes of D are: n points of `channels`, axis of the
+        sensor, parameter.
         """
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
@@ -81,9 +82,10 @@ class GyroAxisDelay(TimeOffset):
     def design(self, channels, values=(0.0, 0.0)):
         """Return the matrix D with ``e = D p``, p = (Δt_x, Δt_y), SI/s, (n, 3, 2).
 
-        e is the error by both delays p, s, which are the `values`. D is minus the mean rate of
-        change of an axis over its delay. The axes of D are: n points of `channels`, axis of the
-        sensor, delay.
+        e is the error that both delays p, s, cause in the output; p are the `values`. For axes x
+        and y, D is minus the mean rate of change of the output of the axis over its delay; all
+        other elements are zero. The axes of D are: n points of `channels`, axis of the sensor,
+        delay.
         """
         design = np.zeros((len(channels.t), 3, 2))
         for axis, delay in enumerate(values):

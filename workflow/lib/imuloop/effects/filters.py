@@ -118,10 +118,10 @@ def secant(t, values, seconds):
 
     It is per second. `values`, (n, m), are m signals at the increasing times `t`, (n,), s.
     `seconds` may be negative. The values at t + `seconds` are interpolated by the cubic that has
-    the `slope` at the samples on both sides (Catmull and Rom). Midway between two samples they are
-    wrong by 0.02 % for a sine of a twentieth of the sampling rate, and by 0.4 % for a tenth. The
-    result is the `slope` at t if `seconds` is zero, or if t + `seconds` lies in a gap or outside
-    the log.
+    the `slope` at the samples on both sides (Catmull and Rom). Midway between two samples the
+    interpolated values are wrong by 0.02 % for a sine of a twentieth of the sampling rate, and by
+    0.4 % for a tenth. The result is the `slope` at t if `seconds` is zero, or if t + `seconds` lies
+    in a gap or outside the log.
     """
     change = slope(t, values)
     if len(t) < 2 or abs(seconds) < _INSTANT:

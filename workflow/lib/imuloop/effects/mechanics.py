@@ -45,7 +45,7 @@ class Reorientation(Effect):
     def variants(cls, channels):
         """Return the variants of the effect to try, a tuple: one for each τ in `CREEPS`, s.
 
-        The `channels` of the data do not matter.
+        The Channels `channels` of the data are not used.
         """
         return tuple(cls(tau) for tau in CREEPS)
 

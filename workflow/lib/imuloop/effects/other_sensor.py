@@ -38,8 +38,8 @@ class G2Sensitivity(Effect):
     """``e_i = Σ_jk D_ijk f_j f_k``: the anisoelastic bias of a gyroscope.
 
     f is the specific force. Each axis i has five terms: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²),
-    D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. A sixth, |f|², is the same in all attitudes at
-    rest, and so a bias.
+    D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. There is no sixth term |f|²: it is the same in all
+    attitudes at rest, so that it would be a bias.
     Leaves this trace: the mean rate of a pose is a polynomial of degree 2 in the direction of f (by
     `g_sensitivity`, of degree 1). Imitated by: nothing else of degree 2.
     """
@@ -53,9 +53,9 @@ class G2Sensitivity(Effect):
         """Return the derivative of e with respect to D, axis by axis, (m/s^2)², (n, 3, 15).
 
         e is the error of the class' equation, which also has the parameters D. The derivative of
-        e_i is five products of specific forces with respect to the five parameters of axis i, and
-        zero with respect to the others. The axes of the result are: n points of `channels`, axis of
-        the sensor, parameter.
+        e_i with respect to the five parameters of axis i has the five products of specific forces;
+        with respect to all other parameters it is zero. The axes of the result are: n points of
+        `channels`, axis of the sensor, parameter.
         """
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))

@@ -12,10 +12,10 @@ PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 class Quadratic(Effect):
     """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output y.
 
-    Leaves this trace at rest, with gravity g, its direction u and Legendre polynomials P:
-    ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, of which 60 % is a bias. Imitated by:
-    `cross_coupling`, of which it is a special case, and `asymmetry`, if there are few poses. Under
-    vibration the same nonlinearity is called `vibration_rectification`.
+    Leaves this trace at rest: the norm of gravity g in the direction u is wrong by ``K2 g² u_i³ =
+    K2 g² (3/5 P1 + 2/5 P3)(u_i)``, with the Legendre polynomials P. The part with P1, 60 %, looks
+    like a bias. Imitated by: `cross_coupling`, of which it is a special case, and `asymmetry`, if
+    there are few poses. Under vibration the same nonlinearity is called `vibration_rectification`.
     """
 
     name = "quadratic"
@@ -35,9 +35,9 @@ class Quadratic(Effect):
 class Cubic(Effect):
     """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs y.
 
-    Leaves this trace at rest, with gravity g, its direction u and Legendre polynomials P:
-    ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, of which 77 % is a scale factor and 23
-    % a polynomial of degree 4. Imitated by: the scale factor, in six positions completely.
+    Leaves this trace at rest: the norm of gravity g in the direction u is wrong by ``K3 g³ u_i⁴ =
+    K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, with the Legendre polynomials P. The parts with P0 and
+    P2, 77 %, look like scale factors. Imitated by: the scale factor, in six positions completely.
     """
 
     name = "cubic"
@@ -57,10 +57,10 @@ class Cubic(Effect):
 class Asymmetry(Effect):
     """``e_i = (Ka_i/2) abs(y_i)``: the scale factor of an axis differs with the sign of its output.
 
-    y is the output. Leaves this trace at rest, with gravity g and its direction u: ``(Ka/2) g u_i
-    |u_i|``, which is a bias (3/4 of the Legendre polynomial P1) and odd polynomials of degree 3 and
-    more. Imitated by: `quadratic`, which lacks only degree 5 and a kink at u_i = 0; more than 30
-    poses show them.
+    y is the output. Leaves this trace at rest: the norm of gravity g in the direction u is wrong by
+    ``(Ka/2) g u_i |u_i|``. In Legendre polynomials of u_i, its part of degree 1, with the factor
+    3/4, looks like a bias; the other parts have the degrees 3, 5, 7 …. Imitated by: `quadratic`,
+    which lacks only degree 5 and a kink at u_i = 0; more than 30 poses show them.
     """
 
     name = "asymmetry"
@@ -83,9 +83,9 @@ class CrossCoupling(Effect):
     y is the output. Apart from y_i² on axis i, the `quadratic`, there are 15 products of two
     outputs on an axis. The norm of gravity at rest, in the direction u, shows 7 of them: y_i y_j on
     axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
-    `quadratic` is a special case: its u_i³ is a bias, u_i, less u_j² u_i and u_k² u_i. The norm
-    does not tell which product causes a trace. So the correction is right along gravity, and wrong
-    across gravity by up to the residual.
+    `quadratic` is a special case: it leaves u_i³, which equals u_i - u_j² u_i - u_k² u_i, a bias
+    and two of the 7. The norm does not tell which product causes a trace. So the correction is
+    right along gravity, and wrong across gravity by up to the residual.
     Leaves this trace: the norm of gravity has an error of degree 3 in the direction u. Imitated by:
     `quadratic`, `asymmetry`.
     """
@@ -140,8 +140,8 @@ class ScaleNonlinearity(Effect):
 class ScaleAsymmetry(Effect):
     """``e_i = sa_i abs(y_i)``: the scale factor of an axis differs between left and right turns.
 
-    y is the output. The standard (see `reference`) defines the asymmetry as the difference of both
-    sides, which is 2 sa.
+    y is the output. The standard (see `reference`) defines the asymmetry as the difference between
+    the scale factors of left and right turns, which is 2 sa.
     Leaves this trace: the error of a turn keeps its sign when the turn is reversed; at rest there
     is no error. Imitated by: the scale factor, if each axis is turned one way only; s2 of
     `scale_nonlinearity`, if all turns are equally fast.

@@ -34,8 +34,8 @@ class Steps(Effect):
     sessions : tuple of str
         Name of the session of each step.
     spans : tuple of float
-        Length, s, of a span without data about each time. The step may lie anywhere in it, so its
-        expected value is used, which rises linearly.
+        Length, s, of a span without data about each time. The step may lie anywhere in the span, so
+        the expected value of H is used, which rises linearly from 0 to 1 over the span.
     """
 
     times: tuple[float, ...] = (0.0,)
@@ -89,10 +89,11 @@ class Steps(Effect):
 def share_after(windows, times, spans=0.0):
     """Return the share of each of n windows that lies after each of k times, (n, k), from 0 to 1.
 
-    If a time is known only within a span, the share is the mean over all times in the span; this
-    holds for windows that lie in the span or outside it. `windows`, (n, 2), has start and end of
-    each window, s; `times`, (k,), are in s; and `spans`, (k,), are the lengths of the spans about
-    the times, s, by default zero.
+    If a time is known only within a span, the result is the mean of the share over all times in the
+    span. It is exact for a window that lies in the span, contains it or lies outside it, and an
+    approximation for a window that reaches over one end of the span. `windows`, (n, 2), has start
+    and end of each window, s; `times`, (k,), are in s; and `spans`, (k,), are the lengths of the
+    spans about the times, s, by default zero.
     """
     middle = windows.mean(axis=1, keepdims=True)
     # the share rises linearly; a sample is a window of length zero

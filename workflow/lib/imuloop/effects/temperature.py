@@ -111,9 +111,11 @@ class BiasTemperature(Effect):
 
     @property
     def price(self):
-        """Least decrease of the logarithm of the p-value by a lag that is chosen; 0 without a lag.
+        """Number that is added to the logarithm of the p-value for a lag; 0 without a lag.
 
-        A lag is one more constant, which fits the data better by chance.
+        A variant with a lag has one more constant, so it fits the data better by chance alone. The
+        variant with the smallest sum is chosen, so a lag has to lower the logarithm by more than
+        this number.
         """
         return PRICE_OF_A_LAG if self.lag else 0.0
 
@@ -159,8 +161,9 @@ class BiasTemperature(Effect):
 
         `design`, (n, 3, 3 order), is the derivative: n points, axis of the sensor, parameter. `low`
         and `high`, (3 order,), are the ends of the ranges of its columns in the data of the fit.
-        Only the first three columns are clamped, which are θ - θ0 on each axis. Higher powers are
-        computed from the result, since an even power has no sign to clamp by.
+        Only the first three columns, θ - θ0 on each axis, are clamped. The higher powers are
+        computed from the clamped θ - θ0, because from an even power it cannot be seen which end of
+        the range θ has left.
         """
         warmer = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([warmer**k for k in range(1, self.order + 1)], axis=2)

@@ -66,9 +66,10 @@ class TurnOnBias(Effect):
     def repeatability(self, values):
         """Return the standard deviation of the bias over power cycles, (3,), and its 95 % interval.
 
-        Both are in SI and for each axis of the sensor. The interval, (2, 3), has a lower and an
-        upper end. It follows from χ² with one degree of freedom less than there are power cycles.
-        `values` are the parameters of the effect by name, SI.
+        Both are in SI and for each axis of the sensor. The interval, (2, 3), has the lower end in
+        its first row and the upper end in its second. It follows from the χ² distribution with k -
+        1 degrees of freedom for k power cycles. `values` are the parameters of the effect by name,
+        SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)

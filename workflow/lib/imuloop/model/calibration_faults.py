@@ -85,9 +85,9 @@ def sensor_fault(calibration, sensor):
 def implausible_values(calibration, sensor):
     """Return a text that names the scale factors and biases larger than in any data sheet, or None.
 
-    A calibration with such values is valid, but its log must be faulty, for instance in another
-    unit. The result is None if there are no such values. `calibration` is the SensorCalibration,
-    and `sensor` is the name of the sensor.
+    A calibration with such values is not refused, but the log that it comes from must be faulty,
+    for instance in another unit than declared. The result is None if there are no such values.
+    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
     """
     unit, values = calibration.raw_unit, []
     largest, si = _BIAS[sensor]

@@ -47,7 +47,7 @@ class Channels:
         def history(function, *constants):
             """Return the values of `function` of the whole log at the m points, (m, …).
 
-            `constants` are its arguments after the Channels.
+            `constants` are the arguments of `function` after the Channels.
             """
             return change(self.evaluate(function, *constants))
 
@@ -90,7 +90,7 @@ class LoggedChannels:
 
     `t`, (N,), is the time, s, and `temperature`, (N,), is in degC. `output` and `other` are
     functions without arguments. They return the outputs of the sensor and of the other sensor, (N,
-    3), SI; the attributes of these names are the outputs.
+    3), SI. The attributes `output` and `other` of an instance are these arrays.
     """
 
     def __init__(self, t, temperature, output, other):
@@ -186,8 +186,8 @@ class Effect:
     def moved(self, factor):
         """Return the effect with its time constant multiplied by `factor`, to refine this constant.
 
-        The constant may also be another one of `FINE`, such as a half-width. An effect without such
-        a constant is returned unchanged.
+        The same holds for another constant whose name is in `FINE`, such as a half-width. An effect
+        without such a constant is returned unchanged.
         """
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
@@ -209,8 +209,8 @@ class Effect:
         """Return the variants of the effect to test in some data, a tuple.
 
         `channels` are the Channels of these data. The variants differ in the values of the
-        constants. A time constant, for instance, must be short enough for the data. The tuple is
-        empty for an effect without an implemented derivative.
+        constants. A time constant, for instance, must be so short that its effect shows within the
+        length of the data. The tuple is empty for an effect without an implemented derivative.
         """
         return () if cls.design is Effect.design else (cls(),)
 

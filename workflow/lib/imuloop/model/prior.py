@@ -60,8 +60,8 @@ class Prior:
     def with_part(self, places, mean, covariance):
         """Return the Prior with another `mean`, (p,), and `covariance`, (p, p), of p parameters.
 
-        `places` is the slice of the indices in x of these parameters. In the result they are
-        independent of all others.
+        `places` is the slice of the indices in x of these p parameters. In the result these
+        parameters are independent of all other parameters.
         """
         new_mean, new_covariance = self.mean.copy(), self.covariance.copy()
         new_mean[places] = mean
@@ -83,9 +83,9 @@ class Prior:
     def rows(self):
         """Return the matrix R, (21, 21), and z, (21,), with which a fit of x includes the prior.
 
-        The fit adds ``|R x - z|²`` to its sum of squares. By the prior, the components of ``R x -
-        z`` are independent, with mean zero and variance one, so ``Rᵀ R`` is the inverse of the
-        covariance.
+        The fit adds ``|R x - z|²`` to its sum of squares. If x has the distribution of the prior,
+        the components of ``R x - z`` are independent, with mean zero and variance one. So ``Rᵀ R``
+        is the inverse of the covariance, and ``R⁻¹ z`` is the mean.
         """
         # the root of the correlations is accurate whatever the units of the parameters
         std = self.std
@@ -98,9 +98,9 @@ def data_sheet(tolerances=None):
     """Return the Prior that follows from the tolerances of a data sheet.
 
     `tolerances` is a dict by sensor of dicts with the standard deviations of ``misalignment``,
-    ``scale_factor`` and ``bias``, nominal SI. A sensor without an entry, or both sensors if it is
-    None, get the tolerances of a generic device. The mean is a sensor without errors, and all
-    parameters are independent.
+    ``scale_factor`` and ``bias``, nominal SI. A sensor without an entry gets the tolerances of a
+    generic device; so do both sensors if `tolerances` is None. The mean is a sensor without errors,
+    and all parameters are independent.
     """
     declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []

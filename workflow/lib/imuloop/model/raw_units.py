@@ -95,10 +95,10 @@ def in_nominal_si(sensor, calibration):
 def state_of(calibration, effects=None):
     """Return the State of a Calibration, p parameters in nominal SI, and their covariance.
 
-    The covariance between parameters of different sensors is zero, and so is the variance of a
-    parameter that was not estimated. `calibration` is the Calibration. `effects` is a sequence of
-    SensorEffect, the effects of the calibration that the State includes; by default it includes
-    all.
+    In the covariance, elements for two parameters of different sensors are zero. The variance of a
+    parameter that was not estimated is zero, too. `calibration` is the Calibration. `effects` is a
+    sequence of SensorEffect, the effects of the calibration that the State includes; by default it
+    includes all.
 
     Returns
     -------
@@ -136,7 +136,8 @@ def si_factor(names, unit):
 
     `names` are the names of the parameters, such as ``K0``, and `unit` is the RawUnit with the
     scale s. The factor is 1/s for scale factors K, s for biases b, and 1 for the misalignment T and
-    for parameters of effects. The offset of the unit does not matter to an error.
+    for parameters of effects. The offset of the unit is not used, because a constant that is added
+    to a parameter does not change its error.
     """
     factors = {"K": 1 / unit.scale, "b": unit.scale}
     return np.array([1.0 if "." in name else factors.get(name[0], 1.0) for name in names])

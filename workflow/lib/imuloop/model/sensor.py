@@ -78,9 +78,9 @@ class Sensor:
         """Return the derivative of sums of ``A x`` with respect to the parameters of the sensor.
 
         The residuals of a fit are such sums: m of them, each over k samples, and each with `a`
-        components. With c = K (y - b) - e, the value x = T c has these derivatives: c_j with
-        respect to T_ij on axis i, T_ij (y - b)_j with respect to K_j on axis i, and -T diag(K) with
-        respect to b.
+        components. Let c = K (y - b) - e, so that x = T c. The derivative of x_i is c_j with
+        respect to T_ij, T_ij (y - b)_j with respect to K_j, and -T_ij K_j with respect to b_j. The
+        derivative of x with respect to p is -T D.
 
         Parameters
         ----------

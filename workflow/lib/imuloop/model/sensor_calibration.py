@@ -70,9 +70,9 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Reduced χ² of the fit, but at least one: a factor that enlarges the noise's variance.
+        """Factor by which the variance of the noise is enlarged: the reduced χ² of the fit, or 1.
 
-        It is one if the reduced χ² is not known.
+        It is 1 if the reduced χ² is smaller than 1 or not known.
         """
         return max(1.0, self.reduced_chi2 or 1.0)
 
@@ -163,8 +163,9 @@ class SensorCalibration:
     def far_off(self):
         """Parameters that are far from the prior, a dict of their distances by name.
 
-        A distance is the absolute difference between the parameter and its mean by the prior, in
-        standard deviations of the prior. Only distances above `FAR_OFF` are in the dict.
+        A distance is the absolute difference between the parameter and its mean by the prior,
+        divided by its standard deviation by the prior. Only distances above `FAR_OFF` are in the
+        dict; it is empty if there are none.
         """
         prior = self.prior or {"std": {}}
         sizes = {n: abs(self.value(n) - prior["mean"][n]) / s for n, s in prior["std"].items()}

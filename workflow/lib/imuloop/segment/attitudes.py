@@ -24,7 +24,7 @@ def expected_error(f):
     """Return the error to expect of an accelerometer that is calibrated with n attitudes, a float.
 
     The segment stage chooses the rests that make this error small. The error is a share of gravity,
-    root mean square over all directions of gravity; without attitudes it is infinite. `f`, (n, 3),
+    root mean square over all directions of gravity; if n is 0, the error is infinite. `f`, (n, 3),
     is the mean specific force in each attitude, m/s².
 
     Let u be the mean specific force in units of its median norm. An accelerometer at rest is
@@ -39,9 +39,10 @@ def expected_error(f):
 
     For σ² its upper 95 % limit is taken, (S + ε²) / χ²(0.05; ν + 1). S is the sum of the squared
     residuals of a fit with the prior and with σ = ε. ν = n − tr H are its degrees of freedom, with
-    the hat matrix H of this fit. χ²(0.05; ν + 1) is the 5 % quantile. ε is `POSE_NORM`, a prior of
-    σ with the weight of one attitude. So more attitudes reduce C, worse ones increase σ, and a
-    small residual of few attitudes does not count.
+    the hat matrix H of this fit. χ²(0.05; ν + 1) is the 5 % quantile of χ² with ν + 1 degrees of
+    freedom. ε is `POSE_NORM`, an expected σ that counts like the residual of one attitude. So more
+    attitudes reduce C, and attitudes that do not fit an ellipsoid increase σ². A residual that is
+    small only because there are few attitudes hardly reduces σ².
 
     References
     ----------

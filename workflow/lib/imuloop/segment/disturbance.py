@@ -32,17 +32,19 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
 
     First, a covariance that is equal in all directions follows from the median size of the vectors.
     By this covariance, vectors near zero are chosen: those whose squared Mahalanobis distance is
-    below the 97.5 % quantile of χ². Their second moments give the next covariance, and so on. At
-    the end, if the tails are heavier than normal, the covariance is multiplied by a factor of up to
-    `tail_limit`, so that the 99 % quantile of the distance is right. The result does not depend on
-    the axes of a sensor.
+    below the 97.5 % quantile of χ². Their second moments, corrected for the vectors that are left
+    out, give the next covariance. This is repeated `REWEIGHTINGS` times. If the tails are then
+    heavier than normal, the covariance is multiplied by a factor of up to `tail_limit`, so that 1 %
+    of the vectors exceed the 99 % quantile of χ². If the axes of a sensor are rotated, the result
+    rotates with them.
 
     Parameters
     ----------
     x : ndarray, shape (n, k)
         n vectors of k = 3 or 6 channels: the three axes of one or more sensors.
     floor : ndarray, shape (k,)
-        Variance of rounding of each channel, which is added on the diagonal.
+        Variance that rounding adds to each channel. It is added on the diagonal, so that a channel
+        that never changes has a positive variance, too.
     tail_limit : float, optional
         Largest factor by which heavy tails raise the covariance.
 
@@ -102,15 +104,18 @@ def undisturbed_ranges(x, ranges, step, settings):
     flicker, random walk and drift only increase the covariance of the scales on which they act.
 
     A second difference is a disturbance if its squared distance occurs in Gaussian noise with a
-    probability below `false_alarm` divided by the number of samples. All scales together have 1.3
-    second differences per sample (Bonferroni, which holds for any correlation). Sensors at rest
-    show single samples that are off by 7 to 12 standard deviations (an ADIS16405 some fifty in a
-    million). So sums of fewer than `LONE` samples need an amplitude `LONE_FACTOR` times as large.
+    probability below `false_alarm` divided by the number of samples. The division allows for the
+    number of second differences, 1.3 per sample over all scales (Bonferroni, which holds for any
+    correlation). Exception: for sums of fewer than `LONE` samples the limit is `LONE_FACTOR` times
+    as large in amplitude. Sensors at rest show single samples that are off by 7 to 12 standard
+    deviations (an ADIS16405 some fifty in a million), and these are not disturbances.
 
     If several scales show a disturbance, the finest one determines the samples that are cut out. A
     wide disturbance is cut at the edge where the mean changes more. The search is then repeated on
-    the remaining ranges, so that a tilt next to a knock, or the sway after it, is found too. Only
-    the transition of a lasting tilt is cut out: the ranges before and after it are separate.
+    the remaining ranges, so that a tilt next to a knock, or the sway after a knock, is found too.
+    Of a lasting tilt only the transition is cut out: the device rests before and after it, in two
+    ranges. Ranges shorter than `shortest_static_s` are dropped. Exception: one of the `ranges` that
+    is short itself stays if it has no disturbance.
 
     Parameters
     ----------
@@ -146,7 +151,8 @@ def _find_cuts(x, ranges, floor, step, settings):
     """Return the cuts, ranges of samples with a disturbance, (k, 2), of one round of the search.
 
     A disturbance is a second difference that is too large for noise (`undisturbed_ranges`). The
-    search goes from sums over two samples to longer ones.
+    search goes from sums over two samples to longer ones. A second difference that overlaps with a
+    cut by shorter sums is taken for the same disturbance and is not cut again.
 
     Parameters
     ----------
@@ -199,12 +205,15 @@ def _find_cuts(x, ranges, floor, step, settings):
 
 
 def _find_large(sums, differences, half, covariance, bound, guard):
-    """Return the first sample, (k,), and the range to cut, (k, 2), of k large second differences.
+    """Return two arrays about k large second differences: first samples, (k,), and cuts, (k, 2).
 
     A second difference is the sum over `half` samples, minus twice the sum over the next ones, plus
-    the sum over those after them. A large one is a disturbance. Samples are counted from the first
-    column of `sums`. All samples of a short second difference are cut out. A long second difference
-    is cut at one edge: at the start or the end of its middle samples, where the mean changes more.
+    the sum over those after them. A large one is a disturbance. The first array has the first
+    sample of each, the second the half-open range of samples to cut out. Samples are counted from
+    the first column of `sums`. A second difference is short if it spans at most `guard` or
+    `SPACING` samples; then all its samples are cut out. A long one is cut at one edge: at the start
+    or the end of its middle samples, where the mean changes more. Of long ones that overlap, only
+    the largest counts.
 
     Parameters
     ----------
@@ -244,6 +253,6 @@ def _double_sums(sums, lag, thin):
     """Return sums of six channels over twice as many samples, (6, k).
 
     `sums`, (6, m), are sums over consecutive samples. The samples of two sums adjoin each other if
-    their columns differ by `lag`; such two are added. One in `thin` of the results is kept.
+    their columns differ by `lag`; such two are added. Of every `thin` results the first is kept.
     """
     return sums[:, :-lag:thin] + sums[:, lag::thin]

@@ -44,7 +44,7 @@ def held_rests(w, stretches, step, bias, shortest):
 
 
 def unite(still, by_hand):
-    """Return rests on a support and in the hand together, (m, 2), and which are in the hand, (m,).
+    """Return m rests, on a support or in the hand, (m, 2), and a mask of those in the hand, (m,).
 
     The rests are half-open ranges of samples in order of time. A rest in the hand replaces the
     rests on a support that overlap with it. A rest in the hand is left out instead in two cases:
@@ -73,8 +73,8 @@ def unite(still, by_hand):
 def sways(w, rests, bias, step):
     """Return the size of the sway of the device in each of m rests in the hand, rad, (m,).
 
-    The sway is the rotation from the mean attitude of the rest, root mean square. It includes the
-    rotation about the vertical, which cannot be told from a bias.
+    The sway is the rotation from the mean attitude of the rest, root mean square. It includes a
+    rotation about the vertical, although an error of `bias` looks the same.
 
     Parameters
     ----------

@@ -29,14 +29,14 @@ def number_poses(rows, rests, table, stretches):
     """Return the number of the pose of each rest, 0, 1, 2 … in order of time, (m,).
 
     A pose is one attitude in which the device lies during one or more rests. A rest is in the pose
-    of the rest before it under three conditions:
+    of the rest before it under three conditions; otherwise a new pose begins:
 
     - No long gap lies between the two rests.
     - The direction of specific force agrees with that in the first rest of the pose: within
-      `SAME_ATTITUDE`, or within four standard errors if these are larger.
+      `SAME_ATTITUDE`, or within four standard errors of the angle between them if these are larger.
     - The device never turned by more than `TURNED` between the two rests. The turn is the integral
-      of the angular rate, less its mean over both rests. So a full turn, or a turn about the
-      vertical, makes a new pose although the direction of gravity is the same.
+      of the angular rate less the bias, which is the mean rate of both rests. So a full turn, or a
+      turn about the vertical, makes a new pose although the direction of gravity is the same.
 
     Parameters
     ----------

@@ -85,11 +85,12 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         For each segment its start and end, s, kind, number of the pose, number of samples, tilt,
         rad, and mean and standard deviation of each channel, SI.
     dict
-        ``poses``: the number of poses. For a static session also ``slow_tilts``, the number of slow
-        tilts that are cut out of rests. For other sessions also numbers of rests: ``short_rests``
-        are too short for the settings, ``railed_rests`` are clipped, ``tilted_rests`` tilt.
-        ``hand_held`` is whether some rests are in the hand, and ``shorter`` has the shorter
-        durations that replaced those of the settings, or is None.
+        ``poses`` is the number of poses. A static session also has ``slow_tilts``, the number of
+        slow tilts that are cut out of rests. Other sessions have five more keys: ``short_rests`` is
+        the number of still stretches that are too short to be rests, ``railed_rests`` the number of
+        rests with a clipped specific force, and ``tilted_rests`` the number of rests in which the
+        device tilts; ``hand_held`` is whether some rests are in the hand; ``shorter`` is a dict of
+        the shorter durations that replaced those of the settings, or None if none were replaced.
     """
     rows = Samples(samples)
     # ranges of samples between long gaps, and the same without the spans that are stuck
@@ -176,9 +177,9 @@ def _divide(rows, step, whole, stretches, rests, kinds, others):
 def _between_disturbances(rows, stretches, step, settings):
     """Return the ranges of rows in which a device at rest is not disturbed, (k, 2).
 
-    If the sensors have two clocks, several rows repeat a sample of the slower sensor, which changes
-    its noise. The search then uses one value for each of these samples: the mean of the rows that
-    hold it.
+    If the sensors have two clocks, several rows repeat a sample of the slower sensor, so its noise
+    is not independent from row to row. The search then uses one value for each of these samples:
+    the mean of the rows that hold it.
 
     Parameters
     ----------
@@ -207,9 +208,10 @@ def _between_disturbances(rows, stretches, step, settings):
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session with motion, (m, 2), the tilt in each, rad, (m,), and metadata.
 
-    If the rests have fewer than `ENOUGH` attitudes, and at least `LEAST_SHORT` still stretches, in
-    which the device did not move, were too short to be rests, the search is repeated with shorter
-    durations. The rests of the second search are used if they have enough attitudes.
+    A still stretch is a range in which the device does not move. Some are too short to be rests. If
+    there are at least `LEAST_SHORT` such stretches, and the rests have fewer than `ENOUGH`
+    attitudes, the search is repeated with shorter durations. The rests of the second search are
+    used if they have at least `ENOUGH` attitudes, else those of the first.
 
     Parameters
     ----------
@@ -230,7 +232,7 @@ def _find_rests(rows, stretches, step, settings):
     metadata : dict
         ``short_rests``: number of still stretches that are too short to be rests. ``tilted_rests``:
         number of rests with a tilt. ``hand_held``: whether some rests are in the hand. ``shorter``:
-        the shorter durations that were used, or None.
+        a dict of the shorter durations that were used, or None if those of the settings were used.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
@@ -312,7 +314,8 @@ def _detect(log, settings):
     steady : ndarray of int, shape (l, 2)
         The same rests without the parts in which the device turns slowly or trembles.
     bias : ndarray, shape (3,)
-        Bias of the gyroscope: the median of the angular rate at rest, rad/s.
+        Bias of the gyroscope: the median of the angular rate at rest, rad/s. If the bias jumps
+        during the session, it is the bias that lasts longer.
     short : int
         Number of still stretches that are too short to be rests.
     """

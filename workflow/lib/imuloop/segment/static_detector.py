@@ -63,8 +63,8 @@ def activity(force, rate, stretches, window):
 
     The Activity has the variances of both sensors in a window about each sample, divided by their
     levels at rest, and the mean angular rate. The level of a sensor at rest is the 5 % quantile of
-    its variance over all windows, but not less than the variance of rounding. It is correct if at
-    least a tenth of the log is at rest. No window crosses a long gap.
+    its variance over all windows, but not less than the variance of rounding. The level is correct
+    if the device rests in at least a tenth of the log. No window crosses a long gap.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def rates_at_rest(windows, settings):
     angular rate of all quiet windows, in which the variances are near their levels at rest. Quiet
     windows whose rate differs from it by more than `rate_tolerance` have the second bias if two
     conditions hold: they belong to `RESTS_OF_A_BIAS` rests or more, and nearly all of them have the
-    same rate. Slow turns also have other rates, but each turn has a different one.
+    same rate. So slow turns are not taken for a second bias: each has a different rate.
 
     `windows` is the Activity of the session, and `settings` are SegmentSettings.
     """
@@ -191,7 +191,7 @@ def widen_rests(f, w, rests, stretches, step):
     The static detector makes a rest too short by half a window at each end. So, outward from each
     end, means of both sensors over `EDGE_S` seconds are compared with the mean of the rest. A mean
     agrees if the squared difference, summed over the three axes and divided by the variance of such
-    a mean, is below the quantile of χ² that noise exceeds once in 100,000. The new end lies
+    a mean, is below the quantile of χ² that noise exceeds in one of 100,000 means. The new end lies
     `EDGE_S` short of the first mean that does not agree.
 
     Parameters

@@ -36,7 +36,7 @@ def tilts(rows, ranges, step):
     r. So the change of u is compared with the turn that the gyroscope shows, ∫ u × (r - b) dt, in
     windows of all lengths. A window shows a tilt under two conditions: u changes by at least
     `LEAST`; and the change of u minus the turn that the gyroscope shows is at most the share
-    `MOST_LEFT` of the change of u, in root mean squares.
+    `MOST_LEFT` of the change of u, both as root mean squares over the window.
 
     The comparison is made in two ways. First, the best line over time is subtracted from the change
     of u and from the turn, which removes any bias: this shows tilts that start or end in the
@@ -114,8 +114,9 @@ def _changing_part(u):
     """Return the range of blocks in which u changes from its first to its last value, (2,).
 
     The range is half-open. `u`, (n, 3), is the specific force in n blocks of samples, divided by
-    its usual magnitude. The range starts where u is more than `LEAST` / 2 away from its first
-    value, and ends where u is less than `LEAST` / 2 away from its last value.
+    its usual magnitude. The range starts with the last block before u is, for the first time, more
+    than `LEAST` / 2 away from its first value. It ends with the first block from which on u stays
+    within `LEAST` / 2 of its last value.
     """
     # blocks after u has left the first value, and before it reaches the last
     has_left, is_before = (np.linalg.norm(u - x, axis=1) > LEAST / 2 for x in (u[0], u[-1]))
@@ -129,7 +130,8 @@ def without_tilts(f, w, rests, bias, step):
     Each rest is divided into parts of about `PART` seconds. It is cut to its longest stretch of
     parts without a tilt, if that removes at most the share `CUT` of it; its tilt is then zero.
     Otherwise the rest is kept as it is, because a tilt changes the direction of gravity but not the
-    norm. Its tilt is then the root mean square of the tilts in its parts.
+    norm, by which an accelerometer is calibrated. Its tilt is then the root mean square of the
+    tilts in its parts.
 
     Parameters
     ----------
@@ -164,22 +166,23 @@ def without_tilts(f, w, rests, bias, step):
 
 
 def rest_tilts(f, w, rests, bias, step):
-    r"""Return the k parts of each rest, (k, 2), and the tilt in each, rad, (k,), a list of pairs.
+    r"""Return a pair for each rest: its k parts, (k, 2), and the tilt in each part, rad, (k,).
 
-    A part is a half-open range of samples of about `PART` seconds. A device may tilt during a rest
-    on a soft surface or in a hand. The noise of the two sensors is independent, but both see a
-    tilt. Let y be the direction of specific force minus its mean over a part, and x the same
-    difference by integration of the angular rate, both in blocks of `SHORT_BLOCK` seconds. But for
-    the noise of the accelerometer, y = 0 if the device lies still, and y = x if it tilts. The
-    logarithm of the likelihood ratio of a tilting device to a still one is
+    The result is a list. A part is a half-open range of samples of about `PART` seconds. A device
+    may tilt during a rest on a soft surface or in a hand. The noise of the two sensors is
+    independent, but both see a tilt. Let y be the direction of specific force minus its mean over a
+    part, and let x be the same difference as the integral of the angular rate gives it; both are
+    means over blocks of `SHORT_BLOCK` seconds. If the device lies still, y is only the noise of the
+    accelerometer; if it tilts, y is x plus this noise. The logarithm of the likelihood ratio of a
+    tilting device to a still one is
 
     .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2.
 
     The sum is over the blocks of the part, and σ is the standard deviation of the noise of y. If
     the device lies still, the logarithm exceeds log(1/p) with a probability below p, whatever the
     gyroscope shows (Markov's inequality). A part counts as tilting if the logarithm exceeds log(n /
-    `FALSE_ALARM`), with n parts in the session. Since an accelerometer may drift, the gyroscope
-    also has to explain the share `SHARE` of the square of y, without noise.
+    `FALSE_ALARM`), with n parts in the session. Since an accelerometer may drift, x also has to
+    explain at least the share `SHARE` of Σ y² less the part of Σ y² that is noise.
 
     If some parts of a session tilt, others are more likely to tilt as well. So the limit is then
     lowered to log((1 - q)/q), where q is the share of parts that tilt. The first parts of all rests
@@ -233,9 +236,9 @@ def _block_changes(f, w, first, last, bias, width, step):
     """Return the change of gravity's direction in b blocks, rad, by each sensor, two arrays (b, 3).
 
     The first array is the change by the accelerometer, the second the change by the gyroscope, both
-    on body axes and relative to their mean over all blocks. The second array is ``ū × (δ - δ̄)``,
-    with the mean direction ū of specific force, and the integral δ of the angular rate less its
-    bias, whose mean is δ̄.
+    on body axes and relative to their mean over all blocks. The second array is ``ū × (δ - δ̄)``. ū
+    is the mean direction of specific force, δ is the integral of the angular rate less the bias,
+    and δ̄ is the mean of δ.
 
     Parameters
     ----------

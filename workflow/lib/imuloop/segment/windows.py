@@ -14,8 +14,8 @@ def sliding_statistics(x, n):
 
     `x`, (m, …), has m samples in any unit, at least n of them; further axes are kept. Within half a
     window of either end, the first or the last whole window is used. The variance is the mean of x²
-    less the square of the mean of x; the median is subtracted from x first, so that rounding does
-    not matter.
+    less the square of the mean of x. To keep rounding errors of this difference small, the median
+    is subtracted from x first.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -41,7 +41,8 @@ def block_means(rows, ranges, width):
     first : ndarray of int, shape (k,)
         First row of each of the k blocks.
     blocks : ndarray of int, shape (m, 2)
-        For each range, the index of its first block, and of the block after its last.
+        For each range, the index of its first block among the k blocks, and one more than the index
+        of its last block.
     means : ndarray, shape (k, 6)
         Means, SI.
     """
@@ -57,9 +58,11 @@ def rounding_variance(x):
     """Return the variance that rounding adds to one axis of a sensor, a float.
 
     The variance is a twelfth of the squared resolution. `x`, (m, 3), are m samples of the three
-    axes, in any unit. The resolution is the smallest step between two consecutive samples that is
-    not due to their number format. Only the first million samples are searched. If the values never
-    change, the resolution is not known; the result is then 1, as any positive variance will do.
+    axes, in any unit. The resolution is the smallest change between two consecutive samples;
+    changes below 1e-9 of the value are ignored as rounding of floating-point numbers. Only the
+    first million samples are searched. If the values never change, the resolution is not known. The
+    result is then 1: callers use it as the least variance of a channel, and without changes they
+    only need that it is not zero.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)
