@@ -26,7 +26,7 @@ class RejectedLog(ImuloopError):
 def printable(text):
     """Return a text with a question mark for each control character that is not a line end.
 
-    `text` is a text or another object, whose text is used.
+    `text` is a text, or another object, which is converted to a text.
     """
     return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
 

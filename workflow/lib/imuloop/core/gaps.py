@@ -1,8 +1,8 @@
 """Gaps: time steps in which samples are missing. There are three kinds.
 
 A *gap* is longer than `GAP_STEPS` usual steps; the usual step is the median. At least one sample is
-missing in it. Ingest counts gaps. Rotations, windows and slow channels are corrected for them, or
-leave them out.
+missing in it. Ingest counts gaps. Integrals of the rate, means over windows and channels with a
+lower sampling rate are corrected for gaps, or leave them out.
 
 A *long gap* is longer than `LONG_GAP_STEPS` usual steps. It is a segment of kind ``gap``, and so
 ends a rest or a motion.

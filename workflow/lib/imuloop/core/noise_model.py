@@ -284,9 +284,10 @@ class NoiseModel:
     def value_and_std(self, axis, term):
         """Return the value and the standard deviation of one noise coefficient of an axis, SI.
 
-        `axis` is the name of the axis, and `term` is ``B`` for flicker or ``K`` for random walk. If
-        the data do not support the term, the value is zero. The standard deviation follows from the
-        95 % interval or, without one, from the 95 % upper limit.
+        `axis` is the name of the axis, and `term` is ``B`` for flicker or ``K`` for random walk.
+        The standard deviation is the width of the 95 % interval divided by 2 · 1.96, or 0 if there
+        is no interval. If the data do not support the term, the value is 0 and the standard
+        deviation is the 95 % upper limit divided by 1.96.
         """
         coefficient = getattr(self.axes[axis], term)
         if coefficient.value is None:
@@ -350,12 +351,12 @@ class NoiseModel:
 def without_weight(covariance):
     """Return two masks, (k,), of the covariances that cannot be inverted, out of k.
 
-    A fit weighs n values with the inverse of their covariance, so it cannot use such values.
-    `covariance`, (k, n, n), has k covariance matrices. The first mask marks those in which a
-    variance is zero. The second mask marks those without a zero variance whose correlation matrix
-    has an eigenvalue below `_LEAST_EIGENVALUE`: some weighted sum of the n values then has almost
-    no variance. An example is the covariance of a sinusoid without other noise, which is a sum of a
-    cosine and a sine, and so has rank two.
+    A fit weighs values with the inverse of their covariance, so it cannot use values whose
+    covariance has none. `covariance`, (k, n, n), has k covariance matrices of n values each. The
+    first mask marks those in which a variance is zero. The second mask marks those without a zero
+    variance whose correlation matrix has an eigenvalue below `_LEAST_EIGENVALUE`: some weighted sum
+    of the n values then has almost no variance. An example is the covariance of a sinusoid without
+    other noise, which is a sum of a cosine and a sine, and so has rank two.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

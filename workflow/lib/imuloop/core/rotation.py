@@ -84,7 +84,7 @@ def step_vectors(rates, steps, uneven=None):
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
-        Whether samples are missing in each step; by default in none.
+        For each step, whether samples are missing in it; by default in none.
 
     References
     ----------
@@ -104,9 +104,10 @@ def mean_rates(rates, steps, uneven=None):
     """Return the mean angular rate in each of n - 1 time steps, rad/s, (..., n - 1, 3).
 
     Each is the mean of the cubic through both samples of the step and one neighbour on either side.
-    The four samples are taken as evenly spaced. In a step in which samples are missing, the cubic
-    goes through the samples at their true times instead. In the first and the last step, in which
-    the device should be at rest, the rate is taken as linear.
+    The four samples are taken as evenly spaced. Exception: in a step in which samples are missing,
+    the cubic goes through the samples at their true times. The first and the last step have a
+    neighbour on one side only; the rate is taken as linear there, which suffices if the device
+    rests.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def mean_rates(rates, steps, uneven=None):
     steps : ndarray, shape (..., n - 1)
         Time steps, s.
     uneven : ndarray of bool, shape (..., n - 1), optional
-        Whether samples are missing in each step; by default in none.
+        For each step, whether samples are missing in it; by default in none.
     """
     rates, steps = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     total = rates[..., :-1] + rates[..., 1:]

@@ -97,7 +97,8 @@ def schema(metadata):
 def check_columns(names):
     """Raise an ImuloopError if a table lacks a column that samples need.
 
-    `names` are the names of the columns of the table. Needed are the time and the six channels.
+    `names` are the names of the columns of the table. The needed columns are the time and the six
+    channels.
     """
     if lacking := [name for name in (TIME, *CHANNELS) if name not in names]:
         raise ImuloopError(
@@ -297,7 +298,7 @@ def own_metadata(entries):
     """Return the metadata that imuloop stored in a Parquet file, a dict.
 
     `entries` is the dict of all metadata of the file, bytes by key. If pandas wrote the file, the
-    metadata of imuloop are in the `attrs` of the table, which pandas stores as one entry. The
+    metadata of imuloop are part of the entry in which pandas keeps the `attrs` of the table. The
     result is empty if the file has no metadata of imuloop.
     """
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))

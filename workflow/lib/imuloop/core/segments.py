@@ -68,8 +68,8 @@ def power_cycles(segments):
 
     In a power cycle the device was on without a break. If a gap is longer than all segments of
     other kinds together, a new power cycle begins with it: the device was off, or the clock was
-    set. The true duration of such a gap is not known, so noise is independent before and after it.
-    `segments` is the table of the n segments.
+    set. The true duration of such a gap is not known, so the noise before the gap is taken as
+    independent of the noise after it. `segments` is the table of the n segments.
     """
     duration = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
     is_gap = np.asarray(segments["kind"]) == GAP

@@ -19,8 +19,8 @@ def unbroken(rows):
     """Return the unbroken stretches, between long gaps, (k, 2), and the median time step, s.
 
     A stretch is a half-open range of rows; a long gap is a step of more than `LONG_GAP_STEPS`
-    median steps. `rows` are Samples. With fewer than two samples the step is 1 s; with none there
-    is no stretch.
+    median steps. `rows` are Samples. Exceptions: with fewer than two samples the step is given as 1
+    s, and without samples the array of stretches is empty.
     """
     step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))

@@ -8,8 +8,8 @@ AXES = "xyz"
 def per_axis(units):
     """Return the units of the parameters of all three axes, such as ``c1x`` … ``c1z``, by name.
 
-    The result is a dict. `units` is a dict with the units of the parameters of one axis, by name
-    without the axis.
+    The result is a dict. `units` is a dict, too: it has the units of the parameters of one axis,
+    such as ``c1``, by names that lack the axis.
     """
     return {f"{name}{axis}": unit for name, unit in units.items() for axis in AXES}
 

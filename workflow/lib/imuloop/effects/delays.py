@@ -12,8 +12,8 @@ LATEST = 0.1
 def own_change(channels, seconds):
     """Return the mean rate of change of the sensor's output over the next `seconds`, SI/s, (n, 3).
 
-    `channels` are the Channels of a whole log of n samples. If `seconds` is negative, the rate is
-    over this time before each sample.
+    `channels` are the Channels of a whole log of n samples. If `seconds` is negative, the mean is
+    over the time ``-seconds`` before each sample.
     """
     return secant(channels.t, channels.output, seconds)
 

@@ -48,9 +48,9 @@ class WarmUp(Effect):
     def variants(cls, channels):
         """Return the variants of the effect to try, a tuple: one for each visible time constant τ.
 
-        τ can be seen in a record, `channels`, that is `SETTLINGS` times as long as τ and has
-        `POINTS` points in its first 2 τ. If no τ can be seen, the tuple has only the variant with
-        the default τ.
+        τ can be seen if the record, the Channels `channels`, is at least `SETTLINGS` times as long
+        as τ and has at least `POINTS` points in its first 2 τ. If no τ can be seen, the tuple has
+        only the variant with the default τ.
         """
         with_points = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS

@@ -27,10 +27,11 @@ def first_order_lag(t, values, tau):
     x are the `values`, (n,) or (n, m) for m signals, at the increasing times `t`, (n,), s. The time
     constant τ is `tau`, s. y starts at the first value.
 
-    The result is exact if x is linear between the samples, for steps of any length. Over a step of
-    r time constants, d = y - x goes from d₀ to ``d₁ = a d₀ - g (x₁ - x₀)``, with a = exp(-r) and g
-    = (1 - a)/r. The sum over many steps is ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, with the time s in units
-    of τ. It is computed in blocks so that eˢ does not overflow.
+    The result is exact if x is linear between the samples, for steps of any length. Let d = y - x.
+    From the start of a step, index 0, to its end, index 1, d becomes ``d₁ = a d₀ - g (x₁ - x₀)``.
+    If the step lasts r time constants, a = exp(-r) and g = (1 - a)/r. The sum over many steps is
+    ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, with the time s in units of τ. It is computed in blocks so that eˢ
+    does not overflow.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     d, start = np.zeros_like(x), 1
@@ -57,9 +58,9 @@ def play(values, half_width):
     w, `half_width`, on either side of x. From one sample to the next, ``p₁ = min(max(p₀, x - w), x
     + w)``. p starts at the first value.
 
-    Two such clamps in a row are one clamp. So the values are cut into about √n stretches of
-    consecutive samples. For all stretches at once, the clamps from the start of a stretch to each
-    of its samples are combined. Then the point is carried from stretch to stretch.
+    Two such clamps in a row equal one clamp with other limits. So the values are cut into about √n
+    stretches of consecutive samples. For all stretches at once, the clamps from the start of a
+    stretch to each of its samples are combined. Then the point is carried from stretch to stretch.
 
     References
     ----------
@@ -88,7 +89,8 @@ def fast_part(t, values, period):
 
     The slow part is the moving mean, taken twice, over `period`, s. `t`, (n,), are increasing
     times, s, and `values`, (n, m), are m signals. The gain at a frequency f is ``1 - sinc²(f
-    period)``: a half at 0.44/period, and one within 5 % above 1/period. A linear change is removed.
+    period)``. It is a half at f = 0.44/period, and differs from one by less than 5 % at all f above
+    1/period. A linear change is slow at any rate, and is removed.
     """
     # loaded late, as few effects need it
     from scipy.ndimage import uniform_filter1d

@@ -70,8 +70,8 @@ def vibration(channels):
 
     Vibration is the fast change of the output in the Channels `channels`. Its mean square is
     computed over the `WINDOW` before a sample and over the `WINDOW` after it, and the smaller one
-    is the result. Near either end of a rest one of these windows lies in the rest, so that the
-    shaking of the next move does not count.
+    is the result. Near an end of a rest one of both windows lies in the rest, so that the shaking
+    of the move before or after the rest does not count.
     """
     t, squares = channels.t, []
     last = np.searchsorted(t, t + WINDOW, side="right") - 1

@@ -38,8 +38,8 @@ class G2Sensitivity(Effect):
     """``e_i = Σ_jk D_ijk f_j f_k``: the anisoelastic bias of a gyroscope.
 
     f is the specific force. Each axis i has five terms: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²),
-    D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. There is no sixth term |f|²: it is the same in all
-    attitudes at rest, so that it would be a bias.
+    D_ixy f_x f_y, D_ixz f_x f_z, D_iyz f_y f_z. There is no sixth term |f|²: at rest it is the same
+    in all attitudes, like a bias.
     Leaves this trace: the mean rate of a pose is a polynomial of degree 2 in the direction of f (by
     `g_sensitivity`, of degree 1). Imitated by: nothing else of degree 2.
     """

@@ -12,10 +12,11 @@ PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 class Quadratic(Effect):
     """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output y.
 
-    Leaves this trace at rest: the norm of gravity g in the direction u is wrong by ``K2 g² u_i³ =
-    K2 g² (3/5 P1 + 2/5 P3)(u_i)``, with the Legendre polynomials P. The part with P1, 60 %, looks
-    like a bias. Imitated by: `cross_coupling`, of which it is a special case, and `asymmetry`, if
-    there are few poses. Under vibration the same nonlinearity is called `vibration_rectification`.
+    Leaves this trace at rest: the norm of gravity g, in direction u, is wrong by ``K2 g² u_i³``,
+    that is ``K2 g² (3/5 P1 + 2/5 P3)(u_i)`` with Legendre polynomials P. The part with P1, 60 %,
+    looks like a bias. Imitated by: `cross_coupling`, of which it is a special case, and
+    `asymmetry`, if there are few poses. Under vibration the same nonlinearity is called
+    `vibration_rectification`.
     """
 
     name = "quadratic"
@@ -35,9 +36,10 @@ class Quadratic(Effect):
 class Cubic(Effect):
     """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs y.
 
-    Leaves this trace at rest: the norm of gravity g in the direction u is wrong by ``K3 g³ u_i⁴ =
-    K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, with the Legendre polynomials P. The parts with P0 and
-    P2, 77 %, look like scale factors. Imitated by: the scale factor, in six positions completely.
+    Leaves this trace at rest: the norm of gravity g, in direction u, is wrong by ``K3 g³ u_i⁴``,
+    that is ``K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)`` with Legendre polynomials P. The parts with
+    P0 and P2, 77 %, look like scale factors. Imitated by: the scale factor, in six positions
+    completely.
     """
 
     name = "cubic"
@@ -80,12 +82,13 @@ class Asymmetry(Effect):
 class CrossCoupling(Effect):
     """``e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i``: products of the outputs of two axes.
 
-    y is the output. Apart from y_i² on axis i, the `quadratic`, there are 15 products of two
-    outputs on an axis. The norm of gravity at rest, in the direction u, shows 7 of them: y_i y_j on
-    axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
-    `quadratic` is a special case: it leaves u_i³, which equals u_i - u_j² u_i - u_k² u_i, a bias
-    and two of the 7. The norm does not tell which product causes a trace. So the correction is
-    right along gravity, and wrong across gravity by up to the residual.
+    y is the output. Apart from y_i² on axis i, which is the `quadratic`, there are 15 terms, each a
+    product of two outputs on one axis. At rest they leave only 7 different errors in the norm of
+    gravity, whose direction is u: y_i y_j on axis i and y_i² on axis j both leave u_i² u_j, and y_j
+    y_k on axis i leaves u_x u_y u_z for any i. A `quadratic` is a special case: it leaves u_i³,
+    which equals u_i - u_j² u_i - u_k² u_i, a bias and two of the 7. The norm does not tell which
+    product causes a trace. So the correction is right along gravity, and wrong across gravity by up
+    to the residual.
     Leaves this trace: the norm of gravity has an error of degree 3 in the direction u. Imitated by:
     `quadratic`, `asymmetry`.
     """

@@ -50,7 +50,7 @@ class Steps(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: all axes of the first step, then of the next.
+        """Units of the parameters by name: each axis of the first step, then of the next.
 
         ``output`` stands for the SI unit of the sensor.
         """

@@ -121,7 +121,7 @@ class BiasTemperature(Effect):
 
     @property
     def parameters(self):
-        """Units of the parameters by name: c1 on all axes, then c2, then c3, up to the order.
+        """Units of the parameters by name: c1 of each axis, then c2, then c3, up to the order.
 
         ``output`` stands for the SI unit of the sensor.
         """

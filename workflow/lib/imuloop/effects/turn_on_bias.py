@@ -67,9 +67,9 @@ class TurnOnBias(Effect):
         """Return the standard deviation of the bias over power cycles, (3,), and its 95 % interval.
 
         Both are in SI and for each axis of the sensor. The interval, (2, 3), has the lower end in
-        its first row and the upper end in its second. It follows from the χ² distribution with k -
-        1 degrees of freedom for k power cycles. `values` are the parameters of the effect by name,
-        SI.
+        its first row and the upper end in its second. It follows from the χ² distribution; the
+        degrees of freedom are the number of power cycles less one. `values` are the parameters of
+        the effect by name, SI.
         """
         # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)

@@ -40,8 +40,7 @@ class Channels:
         """Return Channels at m points that follow from these n points.
 
         `change` is a function that converts an array (n, …) to (m, …), for instance by choosing or
-        averaging points. The result has no power cycles, and no dict of the points at which an
-        effect is clamped (both fields are None).
+        averaging points. In the result the fields `power_cycle` and `clamped` are None.
         """
 
         def history(function, *constants):

@@ -73,8 +73,9 @@ class Prior:
         """Return the Prior with larger standard deviations for parameters that contradict it.
 
         `x`, (21,), are estimates of the parameters. If an estimate is more than `FAR_OFF` standard
-        deviations from the mean, this distance becomes the standard deviation: the data must come
-        from another unit, range or board than the data sheet describes.
+        deviations from the mean, this distance becomes the standard deviation, so that the prior
+        does not pull the fit away from the data. Such data must come from another unit, range or
+        board than the data sheet describes.
         """
         distance = np.abs(x - self.mean)
         factor = np.where(distance > FAR_OFF * self.std, distance / self.std, 1.0)

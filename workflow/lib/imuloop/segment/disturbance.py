@@ -161,7 +161,7 @@ def _find_cuts(x, ranges, floor, step, settings):
     ranges : ndarray of int, shape (m, 2)
         Ranges of samples that are searched.
     floor : ndarray, shape (6,)
-        Variance of rounding of each channel.
+        Variance that rounding adds to each channel.
     step : float
         Median time step, s.
     settings : SegmentSettings

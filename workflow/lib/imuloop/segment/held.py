@@ -19,8 +19,9 @@ MOST = 0.8
 def held_rests(w, stretches, step, bias, shortest):
     """Return the rests in which a hand holds the device in one attitude, ranges of samples, (m, 2).
 
-    In such a range of samples the mean angular rate over `WINDOW` seconds differs from the bias by
-    at most `HOLDS`, in norm. The range lasts at least `SHORTEST` and at least `shortest` seconds.
+    In such a range of samples the norm of the difference between the bias and the mean angular rate
+    over `WINDOW` seconds is at most `HOLDS`; the mean removes the tremor. The range lasts at least
+    `SHORTEST` and at least `shortest` seconds.
 
     Parameters
     ----------

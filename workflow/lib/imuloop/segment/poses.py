@@ -38,6 +38,8 @@ def number_poses(rows, rests, table, stretches):
       of the angular rate less the bias, which is the mean rate of both rests. So a full turn, or a
       turn about the vertical, makes a new pose although the direction of gravity is the same.
 
+    Exception: without specific force, attitudes cannot be distinguished; all numbers are then 0.
+
     Parameters
     ----------
     rows : Samples

@@ -62,8 +62,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
       slowly or trembles are removed. Rests in the hand are added if they improve the calibration.
     - In a session of attitudes, such as ``six_position``, a rest with a clipped specific force is
       disturbed.
-    - A gap lasts from one step after a sample to the next sample, or as long as a channel is stuck
-      at one value.
+    - A gap begins one step after the last sample before it and ends with the next sample. A span in
+      which a channel is stuck at one value is a gap, too.
 
     Parameters
     ----------
@@ -85,12 +85,14 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         For each segment its start and end, s, kind, number of the pose, number of samples, tilt,
         rad, and mean and standard deviation of each channel, SI.
     dict
-        ``poses`` is the number of poses. A static session also has ``slow_tilts``, the number of
-        slow tilts that are cut out of rests. Other sessions have five more keys: ``short_rests`` is
-        the number of still stretches that are too short to be rests, ``railed_rests`` the number of
-        rests with a clipped specific force, and ``tilted_rests`` the number of rests in which the
-        device tilts; ``hand_held`` is whether some rests are in the hand; ``shorter`` is a dict of
-        the shorter durations that replaced those of the settings, or None if none were replaced.
+        ``poses`` is the number of poses. If rests are found as ranges without a disturbance, there
+        is also ``slow_tilts``, the number of slow tilts that are cut out of them. If rests are
+        found by the static detector, there are four more keys: ``short_rests`` is the number of
+        still stretches that are too short to be rests; ``tilted_rests`` is the number of rests in
+        which the device tilts; ``hand_held`` is whether some rests are in the hand; ``shorter`` is
+        a dict of the shorter durations that replaced those of the settings, or None if none were
+        replaced. A session of attitudes with `rails` also has ``railed_rests``, the number of rests
+        with a clipped specific force.
     """
     rows = Samples(samples)
     # ranges of samples between long gaps, and the same without the spans that are stuck

@@ -35,7 +35,8 @@ def unsteady_samples(w, rests, step, settings):
     The windows have many lengths, up to a third of a part. The means over windows of one length are
     compared with their own covariance over all rests, so that coloured noise is allowed for. The
     test is Hotelling's T², with one degree of freedom less for each part, as its median is
-    subtracted. An eighth of `window_s` before and after a marked window is marked as well.
+    subtracted. An eighth of `window_s` before and after a marked window is marked as well. Samples
+    outside all rests are not marked.
 
     The covariance is correct if the device is in the hand for less than half of the time at rest.
     In a session of Gaussian noise, the probability that any sample is marked is `false_alarm`; it
