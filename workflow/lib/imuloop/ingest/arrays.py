@@ -119,7 +119,8 @@ def _columns(name, value):
     1) or (1, n) is one column of n samples. One of shape (n, 3) or (3, n) has the columns
     ``NAME.x``, ``NAME.y`` and ``NAME.z``. Another matrix has the columns ``NAME.0``, ``NAME.1`` and
     so on; its longer side is time. A field of a structured array, or a member of a dict, is a
-    variable ``NAME.FIELD``. A variable that cannot be samples has no columns.
+    variable ``NAME.FIELD``. The dict is empty for a variable that cannot be samples: text, a single
+    number, or an array of more than two axes or of more than `_WIDEST` columns.
     """
     if isinstance(value, np.ndarray) and value.dtype.names:
         value = {field: value[field] for field in value.dtype.names}
@@ -143,10 +144,12 @@ def _columns(name, value):
 def _of_one_length(series, chosen):
     """Return the names of the columns that are as long as the columns of sensors or reference.
 
-    `series` are all columns of a file by name, and `chosen` are the Columns: where those of sensors
-    and reference are among them. If `chosen` has no sensor and no reference, the names of the
-    longest columns are returned. Raises an ImuloopError if columns of sensors and reference differ
-    in length.
+    Only such columns fit into one table.
+
+    `series` are all columns of a file by name, and `chosen` are the Columns, which tell where the
+    columns of sensors and reference are among these. If `chosen` has no sensor and no reference,
+    the names of the longest columns are returned. Raises an ImuloopError if columns of sensors and
+    reference differ in length.
     """
     names = [*series]
     read = [names[at] for key, at in chosen.raw.items() if key not in (STAMP, TEMPERATURE)]
@@ -280,18 +283,22 @@ def _check_announced(path, arrays, size):
 
 
 def _check_links(path):
-    """Raise a RejectedLog if an HDF5 file has values in another file, which may be any file.
+    """Raise a RejectedLog if an HDF5 file has links by which values of another file would be read.
 
-    `path` is the path of the HDF5 file. Soft links stay inside of it. Hard links do, too, unless
-    the dataset itself names other files. All other kinds of links lead out of the file.
+    That could be any file of the user.
+
+    `path` is the path of the HDF5 file. Soft links are allowed, as they stay inside of the file.
+    Hard links are allowed unless the dataset at their end keeps its values in other files. All
+    other kinds of links are refused, and so are groups that lie too deep in each other.
     """
     import h5py
 
     def fault(name, link):
         """Return the reason, text, if a link of the file is refused, else None.
 
-        `name` is the path of the link in the file, bytes, and `link` describes its type. A reason
-        ends the visit of the library, which would not pass on an error.
+        `name` is the path of the link in the file, bytes, and `link` describes its type. The
+        library calls this function for each link, and stops at the first reason. An exception
+        raised here would get lost in the library.
         """
         if name.count(b"/") > _DEEPEST:
             return f"groups lie in each other, more than {_DEEPEST}: save one table"

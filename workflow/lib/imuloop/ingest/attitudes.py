@@ -40,12 +40,12 @@ class Reference:
 
 
 def turns(reference, seconds=COMPARED):
-    """Return the rotations of a body over m short intervals, by a Reference.
+    """Return the rotations of a body over m short intervals, by a Reference, to test the gyroscope.
 
-    The results are the start and the end of each interval, s, (m,) each, and the rotation vector
-    from start to end, rad, on axes of the body, (m, 3). An interval begins at each sample of
-    `reference` with an attitude, and ends at the first one after `seconds`. Intervals of 1.5 times
-    `seconds` or more, as over a gap, are left out.
+    The three results are the starts of the intervals, s, (m,), their ends, s, (m,), and the
+    rotation vectors from start to end, rad, on axes of the body, (m, 3). An interval begins at each
+    sample of `reference` with an attitude. It ends at the first such sample that is at least
+    `seconds` later. Intervals of 1.5 times `seconds` or more, as over a gap, are left out.
     """
     rows = np.flatnonzero(reference.has_attitude)
     t, rotation = reference.t[rows], Rotation.from_quat(reference.q[rows], scalar_first=True)

@@ -47,8 +47,9 @@ def fit_axes(means, step):
     force x, y, z, then angular rate x, y, z. The entry is a dict: ``agreement``, the mean cosine
     between the measured turns of gravity and the turns that the angular rate gives with the axes as
     logged; ``best``, the same with the best signed permutation of the axes; ``ratio``, turns by the
-    angular rate over turns of gravity, or None; and ``mapping``, the best permutation if it is not
-    as logged, as in `mapping_words`, or None. The result is None if gravity turns in fewer than
+    angular rate over turns of gravity, or None; and ``mapping``, the best permutation as a list
+    that `mapping_words` explains. ``mapping`` is None if the axes as logged fit about as well as
+    the best ones, or if none fit well. The whole result is None if gravity turns in fewer than
     `LEAST_STEPS` pairs of neighbouring windows of `TURN_WINDOW` s.
     """
     fine = max(round(TURN_WINDOW / step), 1)

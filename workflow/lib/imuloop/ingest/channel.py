@@ -35,18 +35,20 @@ MOST = 0.9
 def new_rows(samples, names):
     """Return the rows in which a sensor has a new sample, an index array, (k,), or a slice of all.
 
-    `samples` are the columns of a log by name, and `names` the channels of the sensor. If it is the
-    slower one of two sensors with own clocks, rows repeat its samples.
+    `samples` are the columns of a log by name, and `names` the channels of the sensor. If two
+    sensors have clocks of their own, the rows repeat samples of the slower one; these repetitions
+    are left out of the result.
     """
     stamps = {axes: OWN_TIME[sensor] for sensor, axes in SENSORS.items()}.get(tuple(names))
     return own_rows(samples[stamps]) if stamps in samples else slice(None)
 
 
 def quantisation_step(x):
-    """Return the quantisation step of a channel, the smallest step between its values.
+    """Return the quantisation step of a channel, the smallest difference between two of its values.
 
-    `x` are the samples of the channel, (n,). The result is 0 if the step is not known, because more
-    than half of the values are distinct.
+    `x` are the samples of the channel, (n,). Differences as small as the rounding errors of the
+    conversion to SI are ignored. The result is 0 if more than half of the samples have distinct
+    values: then the step cannot be known.
     """
     # only the first part of a long log is used
     x = x[:ROWS][np.isfinite(x[:ROWS])]
@@ -69,7 +71,9 @@ def least_stuck(lengths):
     """Return the number of rows from which on a run of one value is a stuck value, not chance.
 
     A run is a number of successive rows with one value. `lengths` are the numbers of rows of all m
-    runs of a channel, (m,). The result is infinite if no run is stuck.
+    runs of a channel, (m,). In order of length, the first run is stuck that is at least
+    `STUCK_FACTOR` times as long as the run before it, and so are all longer ones. The `FEWEST`
+    shortest runs are never stuck. The result is infinite if no run is stuck.
     """
     ordered = np.sort(lengths)
     longer = ordered[FEWEST:]
@@ -130,7 +134,9 @@ class Channel:
     def is_silent(self):
         """Whether the channel changes, but is constant in most blocks of `BLOCK` rows.
 
-        A channel with one or two stuck runs is not silent.
+        A silent channel shows no noise at rest: its quantisation step is too coarse, or the
+        firmware holds values. Exception: a channel with one or two stuck runs is not silent,
+        because its sensor failed for a time.
         """
         is_still = self.low < self.high and np.count_nonzero(self.width) < len(self.width) / 2
         return is_still and len(self.stuck) not in (1, 2)
@@ -139,8 +145,9 @@ class Channel:
         """Return the number of rows at each saturated end of the range, a dict by value, SI.
 
         An end is the least or the largest sample. It is saturated if many rows are there and few at
-        the next quantisation step, or if it is reached in flat tops, which no smooth motion has. A
-        value that lasts to the end of the log is a stuck value instead, unless other runs reach it.
+        the next quantisation step, or if it is reached in flat tops, which no smooth motion has.
+        Exception: an end is stuck, not saturated, if at least the share `MOST` of its rows lies in
+        one run that lasts to the end of the log.
         """
         ends, width = {}, self.step or np.finfo(float).tiny
         for value in sorted({self.low, self.high} - {0.0}) if self.low < self.high else ():
@@ -159,9 +166,10 @@ class Channel:
         """Return the rows after which an integer wraps around, (k,) of int.
 
         A wrap is a jump from one end of the integer's range to the other. A jump does not count if
-        the ends differ in size by more than a fifth of the range. It does not count either if the
-        steps just before or after it are large (a value swings from end to end), or if the value
-        stays at an end (it saturates). The k rows are numbers from 0.
+        the ends differ in size by more than a fifth of the range, because the range of an integer
+        is symmetric to zero. It does not count either if the steps just before or after it are
+        large (a value swings from end to end), or if the value stays at an end (it saturates). The
+        k rows are numbers from 0.
         """
         size, span = np.abs(np.diff(self.x)), self.high - self.low
         rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
@@ -191,8 +199,9 @@ def rows_a_value(channels):
 def count_alone(mask):
     """Return the number of rows in which `mask` is true, but false in the rows before and after.
 
-    `mask` has n rows, (n,) of bool. The result is 0 if these rows are not more than the share
-    `OFTEN` of all rows.
+    `mask` has n rows, (n,) of bool. If `mask` tells in which rows all axes of a sensor are zero,
+    the counted rows are failed reads. The result is 0 if they are at most the share `OFTEN` of all
+    rows, as by chance.
     """
     alone = int(np.count_nonzero(mask[1:-1] & ~mask[:-2] & ~mask[2:]))
     return alone if alone > OFTEN * len(mask) else 0

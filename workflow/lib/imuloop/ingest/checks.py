@@ -119,7 +119,8 @@ def _rate(e):
 def _units(e):
     """Return words on units of the time stamps that would make the sampling rate a usual one.
 
-    The text is a dot if no unit does. `e` is the Evidence on a log: all that ingest knows about it.
+    The text is a dot if no unit does, or if the unit in use is one of them. `e` is the Evidence on
+    a log: all that ingest knows about it.
     """
     steps = e.figures["rate_hz"] * TIME_SCALES.get(e.counts.time_unit, 0.0)
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= MOST_RATE]
@@ -154,7 +155,9 @@ def _failed_reads(e):
 def _wraps(e, least):
     """Return a text for each channel whose integer wraps around, if one does `least` times or more.
 
-    Otherwise the result is False. `e` is the Evidence on a log: all that ingest knows about it.
+    The texts are a list, without channels that wrap around fewer than `LEAST_WRAPS` times. If no
+    channel wraps around `least` times, the result is False. `e` is the Evidence on a log: all that
+    ingest knows about it.
     """
     wraps = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
     return max(wraps.values(), default=0) >= least and listed(wraps, "{} {} times")
@@ -163,8 +166,10 @@ def _wraps(e, least):
 def _motion(e):
     """Return the figures ``rests`` of quality.json if a static session moves, a dict.
 
-    Angles are also given in degrees. Otherwise the result is false. `e` is the Evidence on a log:
-    all that ingest knows about it.
+    It moves if gravity turns by more than `MOST_TILT`, rad, on the axes of the device, or if the
+    device rests too little and turns to and fro. Angles are given in degrees, too. For a session of
+    another kind, and without such a motion, the result is a false value. `e` is the Evidence on a
+    log: all that ingest knows about it.
     """
     rests = e.faults["rests"]
     if not rests or e.kind != "static":
@@ -186,6 +191,8 @@ def _temperature(e):
 
 def _saturated(e):
     """Return the number of saturated rows of each channel that has any, a list of texts.
+
+    These are the rows beyond the declared full scale or, without any, the rows at saturated ends.
 
     `e` is the Evidence on a log: all that ingest knows about it.
     """

@@ -34,9 +34,10 @@ def span(last, first, step, tick=1):
     """Return the span of a counter that rolls over from the stamp `last` to the stamp `first`.
 
     A counter rolls over when it starts again at its least value after its span. The stamps, their
-    usual step `step` and the result are in units of `tick` ns. The span is one of `SPANS`, a whole
-    number if the stamps are whole. It is taken that the counter starts at 0, or at minus half of
-    its span. The result is None if no span fits.
+    usual step `step` and the result are in units of `tick` ns. The span, which has to be added to
+    the stamps from `first` on, is one of `SPANS`. It is a whole number if the stamps are whole. The
+    least value of the counter is assumed to be 0 or minus half of its span. The result is None if
+    no span fits.
     """
     whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
@@ -57,7 +58,7 @@ class Clock:
     reason; the stamps then go on `FEW_STEPS` usual steps after the last one. `strays` is the number
     of stamps that are later than at least two of the next rows, while these go on from the rows
     before; they count as missing. `unpadded` is the number of times that the stamps fall because
-    parts of a second lack their leading zeros, which is not mended.
+    parts of a second lack their leading zeros; such stamps are not mended.
     """
 
     rollovers: int = 0
@@ -110,12 +111,13 @@ class Clock:
         return self.span_s and round(self.span_s * 1e9) // tick
 
     def _fall(self, before, last, ahead, tick):
-        """Return the shift that mends all stamps from a fall on, in their unit; 0 for a late row.
+        """Return the shift that mends all stamps from a fall on, in their unit; 0 to leave them.
 
         A fall is a stamp that is smaller than the one before. The shift is added to this stamp and
-        all later ones. `before` and `ahead` are the stamps of up to `AHEAD` rows before the fall,
-        and from the fall on. `last` is the newest stamp before the fall. `tick` is the number of ns
-        in a unit, None for dates.
+        all later ones. It is 0 if only some rows are late, which were written after newer ones, or
+        if the rows have no order at all. `before` and `ahead` are the stamps of up to `AHEAD` rows
+        before the fall, and from the fall on. `last` is the newest stamp before the fall. `tick` is
+        the number of ns in a unit, None for dates.
         """
         steps = np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
@@ -160,7 +162,10 @@ class Clock:
 
 
 def _count_unpadded(last, first, second):
-    """Return the number of stamps that fall because leading zeros are missing; 0 if by accident.
+    """Return the number of stamps that fall because leading zeros are missing.
+
+    A stamp falls if it is smaller than the one before. The result is 0 if so few stamps fall in
+    this way that it may be an accident.
 
     With a part of a second that lacks its zeros, 0.99 s written for 99 ms is followed by 0.1 s for
     100 ms. `last` and `first` are the stamps before and after each of k falls, (k,). `second` is a

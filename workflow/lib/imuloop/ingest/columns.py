@@ -37,10 +37,10 @@ class Columns:
     `raw` maps the name of a column of the RawLog, the log as it is read, to its position in the
     file, from 0. The first `stamps` of these columns, a number, hold time stamps or counters:
     ``stamp``, ``interval.SENSOR``, the interval of a sensor's increments, ``pps.counter``,
-    ``pps.time``, and the columns declared as ``others``. `places` has the positions of the columns
-    of each quantity, a tuple, and `units` the units that the log states, by quantity. If the time
-    has two columns, they hold whole seconds and parts of a second in units of `part_ns` ns.
-    `turned` are the axes whose sign is changed.
+    ``pps.time``, and the columns declared as ``others``. `places` is a dict by quantity of the
+    positions of its columns, a tuple, and `units` a dict by quantity of the unit that the log
+    states for it. If the time has two columns, they hold whole seconds and parts of a second in
+    units of `part_ns` ns. `turned` are the axes whose sign is changed.
     """
 
     raw: dict
@@ -53,8 +53,8 @@ class Columns:
     def names_by_quantity(self, names):
         """Return the names of the columns of each quantity, a dict.
 
-        `names` are the names of all columns of the log. A value is a list, or the name of a single
-        column.
+        `names` are the names of all columns of the log. A value is a list of names. For a time or a
+        temperature in a single column it is the name itself.
         """
         columns = {quantity: [names[at] for at in where] for quantity, where in self.places.items()}
         for quantity in {"time", "temperature"} & {*columns}:
@@ -185,7 +185,8 @@ def _stated_units(places, names, units, increments):
 
     `places` are the positions of the columns of each quantity. `names` and `units` are the names
     and units of all columns; a name may hold a unit, too. `increments` has the name of the
-    increments of each sensor that logs them.
+    increments of each sensor that logs them; without a stated unit these have the first unit of
+    `INCREMENTS`.
     """
     units = [unit.strip("[]{} ") for unit in units] or [""] * len(names)
     texts = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
@@ -240,9 +241,9 @@ def _declared(quantity, column, names, headed):
 def without_sign(column, names=()):
     """Return a declared column of a sensor without its minus: ``AccX`` for ``-AccX``.
 
-    `column` is a name or a position. The minus, a request to change the sign of the values, may
-    precede both. A column whose name in `names`, the names of all columns, begins with a minus
-    stays as it is.
+    `column` is a name or a position. A minus before a name or a position is a request to change the
+    sign of the values. Exception: if `names`, the names of all columns, have the name with the
+    minus, it belongs to the name and stays.
     """
     if isinstance(column, str) and column.startswith("-") and column not in names:
         return int(column[1:]) if column[1:].isdecimal() else column[1:]

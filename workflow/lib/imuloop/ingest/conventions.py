@@ -28,8 +28,8 @@ def _frame(turn, angle):
     `turn` are the rotation vectors of n turns by the reference and `angle` those by the sensor,
     rad, (n, 3) each; the rotation times a vector of `angle` fits the vector of `turn`. The rotation
     is their least-squares fit (Kabsch), made twice: the second fit leaves out the worst tenth of
-    the turns. The residual is the root mean square of the errors over the root mean square of the
-    turns.
+    the turns. The residual is the root mean square of the errors that the fit leaves over the root
+    mean square of the turns, 0 for a perfect fit; it, too, leaves out the worst tenth.
     """
     keep = np.ones(len(turn), bool)
     for _ in range(2):
@@ -100,12 +100,13 @@ def _gain(reference, t, f, frame):
     """Return the matrix from the specific force to the acceleration by a reference, (3, 3).
 
     The rows are axes of the acceleration, the columns axes of the force, both x, y, z of the world.
-    The matrix is the identity if the places of the reference are on the axes and in the unit of its
-    attitudes. It is a least-squares fit to changes of both, in windows of `_WINDOW` s. The
-    acceleration in a window is the second difference of three places. `reference` is the Reference,
+    The matrix is the identity if the places of the reference are on the axes of its attitudes and
+    in m. The acceleration is the second difference of three places that are `_WINDOW` s apart, and
+    the force is its weighted mean over the same time. The matrix is the least-squares fit of the
+    force to the acceleration, each without its median over the log. `reference` is the Reference,
     `t` are the times of n samples, s, (n,), `f` is their specific force, m/s^2, (n, 3), and `frame`
     rotates from the axes of the sensor to the axes of the reference, (3, 3). The result is None if
-    there are too few places or too little motion.
+    there are too few places, or if the fit leaves a large error, as with too little motion.
     """
     columns = at_instants(reference, t)
     q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))

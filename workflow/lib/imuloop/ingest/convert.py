@@ -27,14 +27,17 @@ def _of_channels():
 class Counts:
     """Numbers of used and dropped rows of a log, and facts about its clock and its values.
 
-    Each row that is dropped is counted once, under the first fault that applies. `identical` rows
-    repeat the row before in time stamp and all values. `reasons` are lines on why a log cannot be
-    used. `is_gravity` is true if the angular rate holds gravity, and `in_two_units` describes a
-    sensor whose samples are logged twice, or is None. `increments`, `pps` and `logged` are entries
-    of quality.json on increments, 1PPS marks and rebuilt time stamps, or None; `rebuilt` is the
-    line on rebuilt time stamps for the user. `start_ns` is the time of the first sample, ns since
-    1970, None if the time stamps are not dates. `begin_s` is the time from the first time stamp of
-    the log, `origin`, to the first sample, s.
+    Each row that is dropped is counted once, under the first fault that applies. `read` counts all
+    rows, `outside` those outside of the time range, `non_finite` those with missing or impossible
+    values, and `spiked` those with a spike on a single channel; `missing_values`,
+    `impossible_values` and `spike_values` have the numbers by channel. `identical` rows repeat the
+    row before in time stamp and all values. `reasons` are lines on why a log cannot be used.
+    `is_gravity` is true if the angular rate holds gravity, and `in_two_units` describes a sensor
+    whose samples are logged twice, or is None. `increments`, `pps` and `logged` are entries of
+    quality.json on increments, 1PPS marks and rebuilt time stamps, or None; `rebuilt` is the line
+    on rebuilt time stamps for the user. `start_ns` is the time of the first sample, ns since 1970,
+    None if the time stamps are not dates. `begin_s` is the time from the first time stamp of the
+    log, `origin`, to the first sample, s.
     """
 
     reasons: list = field(default_factory=list)

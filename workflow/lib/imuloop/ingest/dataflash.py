@@ -62,9 +62,10 @@ def read(paths, columns=None):
 def _messages(data, wanted):
     """Return the fields of the messages in a log, a dict by name, and lines on damage.
 
-    The fields of a message are arrays by name, as `_fields` returns them. The lines are a list,
-    empty without damage. `data` is the content of the log, bytes. Only messages are read whose
-    whole name matches the pattern `wanted`.
+    The first result has the name of each message as key, and its fields as value: arrays by name,
+    as `_fields` returns them. The second result is a list of lines for the user on damage, empty
+    without damage. `data` is the content of the log, bytes. Only messages are read whose whole name
+    matches the pattern `wanted`.
     """
     lengths, kinds, definitions = {}, {}, {}
     for kind, size, *texts in _FORMAT.findall(data):

@@ -98,11 +98,11 @@ def _refuse_devices(layout, chosen):
 def _scaled(layout, units):
     """Return the units of a text table, the scales of its counts, and the tick of its time stamps.
 
-    Units and scales are dicts by quantity; a scale is a dict, as in `RawLog.nominal`. The tick is
-    the factor by which time stamps are multiplied to be in the unit of time. A unit that is a
-    multiple of a known unit, such as mdeg/s, becomes a count with a scale. Lines above the header
-    may also state scales. `layout` is the Layout of the table, and `units` are the units by
-    quantity that the table states.
+    The first result is a dict of units by quantity. The second is a dict by quantity of the scales
+    of counts, dicts as in `RawLog.nominal`. The third, the tick, is the factor by which time stamps
+    are multiplied to be in the unit of time. A unit that is a multiple of a known unit, such as
+    mdeg/s, becomes a count with a scale. Lines above the header may also state scales. `layout` is
+    the Layout of the table, and `units` are the units by quantity that the table states.
     """
     multiples = {q: TABLE["multiples"].get(q, {}).get(unit) for q, unit in units.items()}
     scales = {quantity: multiple for quantity, multiple in multiples.items() if multiple}
@@ -126,7 +126,8 @@ def text_columns(source, layout, positions, log, stamps):
     `positions` are their positions in the table, from 0. `source` is the path of the table or its
     text as bytes, and `layout` its Layout. The first `stamps` columns, a number, are time stamps,
     int64, float64 or timestamp[ns]; the following ones are float64. Bad lines and their bytes are
-    counted in the RawLog `log`. Raises a RejectedLog if the text cannot be parsed.
+    counted in the RawLog `log`. Rows in which all of these columns are missing are left out, as at
+    the end of the columns of a slower sensor. Raises a RejectedLog if the text cannot be parsed.
     """
     every, names = [str(at) for at in range(len(layout.names))], [str(at) for at in positions]
     # the size of a block is no limit, so that no line is longer than one
@@ -172,8 +173,8 @@ def text_columns(source, layout, positions, log, stamps):
 def _joined(batches):
     """Return the columns of a text table, a dict of Arrow arrays by name.
 
-    `batches` is pyarrow's reader of the blocks of the table. A column of numbers grows in its
-    place, so that no memory is used twice.
+    `batches` is pyarrow's reader of the blocks of the table. The values of each block are appended
+    to one array per column of numbers, so that the table is not in memory twice.
     """
     fields, count = {field.name: field.type for field in batches.schema}, 0
     numbers = {name: np.empty(0) for name, kind in fields.items() if kind == pa.float64()}
@@ -213,9 +214,9 @@ def _stamp_kind(layout, at):
 def _blocks(source, layout, weights):
     """Yield the rows of a text table in blocks of whole lines, as bytes that pyarrow can parse.
 
-    `source` is the path of the table or its text as bytes, and `layout` its Layout. The number of
-    bytes of each block, as `_weight` counts it, is appended to the list `weights`. Comments are
-    left out.
+    `source` is the path of the table or its text as bytes, and `layout` its Layout. Comments are
+    left out. The number of bytes of each block, as `_weight` counts it, is appended to the list
+    `weights`; by their sum the share of the bytes in bad lines is known.
     """
     lines, skipped = b"", layout.start
     # an empty part marks the end

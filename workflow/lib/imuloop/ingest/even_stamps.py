@@ -50,9 +50,9 @@ class Even:
     lost: Sequence = ()
 
     def number(self, rows):
-        """Return the number of the sample in each of k rows, lost samples included, (k,) of int.
+        """Return the numbers of the samples in k rows, with lost samples counted, too, (k,) of int.
 
-        `rows` are the numbers of these rows, lost samples not included, (k,) of int.
+        `rows` are the numbers of these rows, in which lost samples are not counted, (k,) of int.
         """
         return rows + np.array([0, *self.lost])[np.searchsorted(self.rows, rows, side="right")]
 
@@ -118,7 +118,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return the width of the range that holds nine in ten of n values, a float.
+    """Return how far n values scatter: the width of the range that holds nine in ten of them.
 
     `x` are the values, (n,). The width is the median of the widths in `PARTS` consecutive parts of
     them, so that a slow drift does not count.
@@ -158,7 +158,7 @@ def _by_clock(rows, t, packets):
     width : float
         Width of the scatter of the time stamps about the clock, in steps of the sensor.
     beat : bool
-        Whether samples are missing because a host polls faster than the sensor samples.
+        Whether samples only seem to be lost, because a host polls faster than the sensor samples.
     """
     size, rows, t = _transfers(rows, t)
     clock = _clock(t)
@@ -186,11 +186,13 @@ def _by_clock(rows, t, packets):
 
 
 def _transfers(rows, t):
-    """Return the number of rows in a transfer, and first row and time, s, of each, (k,) each.
+    """Return the number of rows in a transfer, the first rows of k transfers, and their times.
 
     A transfer has the rows that a host receives at once: a packet with one time stamp, or a burst.
-    If the transfers differ in size, each row counts as one. `rows` and `t` are number and time, s,
-    of each of n rows, (n,). The results are for k transfers.
+    The second result, (k,), has the number of the first row of each transfer, and the third the
+    time of this row, s, (k,). If the transfers differ in size, each row counts as one. Otherwise
+    the first and the last one in the log are left out, because they may be incomplete. `rows` and
+    `t` are number and time, s, of each of n rows, (n,).
     """
     apart = np.diff(t) >= HALF * (t[-1] - t[0]) / (len(t) - 1)
     # packets with a shared time stamp, else bursts
@@ -239,18 +241,19 @@ def _clock(t):
 def _phase(x):
     """Return the phase of times against a clock, a running mean over `_PHASE` times, cycles, (n,).
 
-    `x` are the n times in cycles of the clock, (n,). A constant phase shows times on the clock.
+    `x` are the n times in cycles of the clock, (n,). The phase is constant while the times follow
+    the clock.
     """
     wave = uniform_filter1d(np.exp(2j * np.pi * x), _PHASE)
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
 
 def _is_beat(samples):
-    """Return whether samples are missing because a host polls faster than the sensor samples.
+    """Return whether samples only seem to be lost, because a host polls faster than a sensor.
 
-    `samples` has the number of the sample at each of m losses, (m,). If the host polls faster,
-    these are evenly spaced by the beat of the clocks of host and sensor, which is not a whole
-    number.
+    `samples` has the number of the sample at each of m losses, (m,). A host that polls faster finds
+    no new sample from time to time. These losses are evenly spaced, by a number of samples that is
+    not whole: the beat of the clocks of host and sensor.
     """
     if len(samples) < ENOUGH:
         return False
@@ -267,7 +270,8 @@ def packet_step(rows, t, repeats):
     A packet has the rows that share a time stamp. The stamp is the time of its last row, or else of
     its first. The result is None if rows that share a stamp are not packets: if the steps between
     stamps do not grow with the number of rows. `rows` and `t` are number and time, s, of each of n
-    rows with a new time stamp, (n,). `repeats` is the number of all other rows.
+    rows with a new time stamp, (n,). `repeats` is the number of rows that repeat the time stamp of
+    the row before; with too few of them the result is None, too.
     """
     if repeats < ENOUGH or len(t) < 3:
         return None

@@ -102,7 +102,7 @@ class Evidence:
 
     @property
     def faults(self):
-        """The figures ``faults`` of the samples; each name has an empty dict without them."""
+        """The figures ``faults`` of the samples; if there are none, an empty dict for each name."""
         return self.figures["faults"] or defaultdict(dict)
 
     @property
@@ -113,7 +113,10 @@ class Evidence:
 
     @property
     def is_cut(self):
-        """Whether a channel is wrong in a part of the log: constant, stuck or clipped."""
+        """Whether a channel is constant, stuck or clipped, at least in a part of the log.
+
+        Its mean size and its turns are then wrong, too, and show nothing about its scale.
+        """
         faults = [*self.faults["stuck"].values(), *self.faults["clipped_at"].values()]
         rows = [fault["rows"] for fault in faults] + [*self.figures["clipped"].values()]
         return any(rows) or any(name in CHANNELS for name in self.figures["constant"])

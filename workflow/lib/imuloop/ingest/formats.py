@@ -113,9 +113,10 @@ def find_format(name, paths):
 def unused_readers(session, paths):
     """Return the modules of the readers of log formats that a session does not use, a set of names.
 
-    The job of the session does not depend on the code of these modules. `session` is the session as
-    `config.resolve` returns it, and `paths` the path of each file by role. The set is empty if a
-    file does not show its format, because any reader may then be the right one.
+    The job of the session does not depend on the code of these modules, so it need not run again if
+    their code changes. `session` is the session as `config.resolve` returns it, and `paths` the
+    path of each file by role. The set is empty if a file does not show its format, because any
+    reader may then be the right one.
     """
     declared = {"reference": (session["reference"] or {}).get("format"), "pps": "csv"}
     try:
@@ -172,7 +173,7 @@ def guess_format(paths):
 
 
 def _head(path):
-    """Return the first bytes of the file at `path`; none of a pipe or a folder."""
+    """Return the first bytes of the file at `path`; for a pipe or a folder the result is empty."""
     with suppress(OSError):
         if Path(path).is_file():
             with open(path, "rb") as file:

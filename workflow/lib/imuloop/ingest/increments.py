@@ -37,9 +37,10 @@ def rates(rows):
     """Return the increments of a log divided by their intervals, SI, two masks, and the usual step.
 
     An increment is the integral of a sensor's output over an interval. `rows` are the `Rows` of the
-    log. The interval of a row is the logged one. If none is logged, it is the even step, or the
-    step of the time stamps that ends at the row. An increment covers one interval of the sensor,
-    even if rows before it are lost: after a gap its interval is the usual step.
+    log. The interval of a row is the logged one. If none is logged, it is the even step if time
+    stamps were rebuilt, else the step from the time stamp before to the one of the row. An
+    increment covers one interval of the sensor, even if rows before it are lost: after a gap its
+    interval is the usual step.
 
     Returns
     -------

@@ -22,11 +22,11 @@ def join(logs):
 
     `logs` are RawLogs by name; each holds both sensors, one sensor or a temperature. The rows of
     the result are the samples of the faster sensor, or of the gyroscope if both are equally fast.
-    Each row also holds the nearest sample of the slower sensor, so that mean and variance of this
-    sensor do not change. It holds not-a-number if this sample is farther away than half of
-    `gap_limit`. The column `HELD` has the time stamps of the samples of the slower sensor. The
-    temperature comes from the log with the rows; if this has none, the temperature of another log
-    is interpolated linearly.
+    Each row also holds the nearest sample of the slower sensor, not an interpolated value, so that
+    mean and variance of this sensor do not change. If the nearest sample is farther away than half
+    of the shortest gap (`gap_limit`), the row holds not-a-number instead. The column `HELD` has the
+    time stamps of the samples of the slower sensor. The temperature comes from the log with the
+    rows; if this has none, the temperature of another log is interpolated linearly.
 
     Raises
     ------
@@ -126,10 +126,10 @@ def _onto(names, stamps, values, tick, quantity):
     `names` are the names of the clock and of the log, `stamps` the time stamps of both by name, in
     units of `tick` ns, and `values` are the columns of the log, (k, n): k columns of n rows. They
     are of `quantity`, its name. Rows of the log that miss a value, repeat a stamp or come late are
-    left out. The result has the values of the nearest sample of the log; a temperature is
-    interpolated linearly. It is not-a-number if the nearest sample is farther away than half of
-    `gap_limit`. A RejectedLog is raised if a clock starts again, or if the two clocks share no
-    time.
+    left out. The result has the values of the sample nearest to each stamp of the clock. Exception:
+    a temperature is interpolated linearly. In either case the value is not-a-number if the nearest
+    sample is farther away than half of the shortest gap (`gap_limit`). A RejectedLog is raised if a
+    clock starts again, or if the two clocks share no time.
 
     Returns
     -------

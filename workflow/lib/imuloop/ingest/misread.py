@@ -35,6 +35,9 @@ def _compare(one, other):
 def is_gravity(raw):
     """Return whether the columns of the angular rate hold the vector of gravity in most rows.
 
+    A vector is taken as gravity if it is about 1 or 9.81 long, as in g or m/s^2, and lies along the
+    acceleration, in the same or the opposite direction.
+
     `raw` are the n values of each channel as logged, (n,), by name.
     """
     # every eighth row is enough
@@ -49,9 +52,10 @@ def in_two_units(x, raw):
     """Return the sensor whose samples are logged twice, in two units, a dict, or None.
 
     A row then has the time stamp of the row before and the same vector in another unit. The dict
-    has ``sensor``, the units ``unit`` and ``other``, and the number ``n`` of such rows. The result
-    is None if few rows are of this kind. `x` are the time stamps of all rows, (n,), and `raw` the
-    channels as logged, (n,) by name.
+    has ``sensor``, the unit of the row before, ``unit``, the unit of the repeated row, ``other``,
+    and the number ``n`` of repeated rows. The result is None if these are at most the share
+    `_REPEATED` of all rows. `x` are the time stamps of all rows, (n,), and `raw` the channels as
+    logged, (n,) by name.
     """
     repeats = np.flatnonzero(x[1:] == x[:-1]) + 1
     for (sensor, axes), units in zip(SENSORS.items(), FACTORS.values(), strict=True):

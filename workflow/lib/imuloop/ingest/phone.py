@@ -82,9 +82,10 @@ def read(paths, columns=None):
 def _texts(path):
     """Return the text tables of a zip by name, facts about the recording, and its clock.
 
-    `path` is the path of the zip. Tables are bytes; the name of a CSV lacks its ending. The facts,
-    a dict of text in lower case, come from Sensor Logger's Metadata.csv. The clock is phyphox's
-    table of starts and pauses, meta/time.csv, bytes. Facts and clock are empty if the zip has none.
+    `path` is the path of the zip. The first result is a dict of the tables, bytes, by name; the
+    name of a CSV lacks its ending. The second is a dict of facts, text in lower case, from Sensor
+    Logger's Metadata.csv. The third is phyphox's table of starts and pauses, meta/time.csv, bytes.
+    The second and the third are empty if the zip has no such file.
     """
     texts, about = {}, {"Metadata": b"", "time": b""}
     with zipfile.ZipFile(path) as archive:

@@ -63,10 +63,11 @@ class Ratio:
 
 
 def force_ratio(e):
-    """Return the Ratio of the specific force to gravity, at rest if there are rests.
+    """Return the Ratio of the specific force to gravity.
 
-    The result is None without an accelerometer or without figures of its faults. `e` is the
-    Evidence on a log: all that ingest knows about it.
+    The force is the one at rest or, if the log has no rests, the mean over the whole log. The
+    result is None without an accelerometer, or if the sampling rate was too implausible to look for
+    faults. `e` is the Evidence on a log: all that ingest knows about it.
     """
     if e.absent == "acceleration" or not e.figures["faults"]:
         return None
@@ -79,6 +80,8 @@ def force_ratio(e):
 
 def turn_ratio(e):
     """Return the Ratio of turns by the gyroscope to turns of gravity, None without turns.
+
+    It comes from moves between two rests or, without these, from `fit_axes`, with a larger error.
 
     `e` is the Evidence on a log: all that ingest knows about it.
     """
@@ -101,8 +104,10 @@ RATIOS = {"acceleration": force_ratio, "angular_rate": turn_ratio}
 def readings(e, quantity):
     """Return the factors by which a sensor's output is off if it is read wrongly, a list.
 
-    An item is (factor, words). The sensor is read wrongly if its `quantity` is taken in another
-    unit or at another full scale. `e` is the Evidence on a log: all that ingest knows about it.
+    An item is (factor, words). The factor is the output as read over the true output. The sensor is
+    read wrongly if its `quantity` is taken in another unit or at another full scale. Full scales
+    are left out if the log has no rests, or a channel is constant, stuck or clipped. `e` is the
+    Evidence on a log: all that ingest knows about it.
     """
     unit = e.raw_units[quantity]
     scale, where = unit.scale, f"units.{quantity}"
@@ -136,9 +141,10 @@ def steps(e, quantity):
 def increments(e):
     """Return values for a message if both sensors look like increments that are taken as rates.
 
-    The values are a dict by name. Wrong units may look the same, as mm/s and mrad over 1 ms do.
-    Then the units are the cause, and the result is None, as for a good log. `e` is the Evidence on
-    a log: all that ingest knows about it.
+    The values are a dict by name. Wrong units may look the same: increments over 1 ms in mm/s and
+    mrad are the same numbers as rates in m/s^2 and rad/s. If wrong units fit both sensors, they are
+    taken as the cause, and the result is None, as for a good log. `e` is the Evidence on a log: all
+    that ingest knows about it.
     """
     force, turns = (ratio(e) for ratio in RATIOS.values())
     if not (force and force.is_off and turns and turns.error <= MOST_ERROR):
@@ -185,8 +191,9 @@ def size_of_force(e):
 def changed_force(e):
     """Return the least and the largest size of the specific force at rest if they differ, a dict.
 
-    They differ by more than the factor `CHANGED`; otherwise the result is False. `e` is the
-    Evidence on a log: all that ingest knows about it.
+    They differ if the largest is more than `CHANGED` times the least. Otherwise the result is
+    False. It is False, too, if the log has no rests, or if a channel is constant, stuck, clipped or
+    a copy. `e` is the Evidence on a log: all that ingest knows about it.
     """
     rests, is_whole = e.faults["rests"], not (e.is_cut or e.faults["copies"])
     low, _, high = rests["force"] if rests and is_whole else (1.0, 1.0, 1.0)
@@ -196,8 +203,8 @@ def changed_force(e):
 def scale_of_rate(e):
     """Return words on the scale of the angular rate if it contradicts the turns of gravity.
 
-    Otherwise the result is a false value. `e` is the Evidence on a log: all that ingest knows about
-    it.
+    Otherwise the result is a false value, and also if a channel is constant, stuck or clipped. `e`
+    is the Evidence on a log: all that ingest knows about it.
     """
     ratio = turn_ratio(e)
     return ratio and ratio.is_off and not e.is_cut and ratio.words

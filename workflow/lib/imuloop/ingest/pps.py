@@ -108,7 +108,9 @@ def _align(counters, rows):
     """Return the counters of n marks without roll-overs, (n,), on the mended counter of a log.
 
     `counters` are the counters as logged, (n,). `rows` are the `Rows` of the log. The roll-overs of
-    both are mended in the same way, and whole spans of the counter between the two are added.
+    both are mended in the same way. Marks and log may begin in different spans of the counter, the
+    time from one roll-over to the next. So that whole number of spans is added to the counters with
+    which their middle is nearest to the middle of the log.
     """
     clock, x = Clock(), rows.x[rows.usable]
     counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), rows.tick)

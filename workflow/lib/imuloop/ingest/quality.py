@@ -123,7 +123,9 @@ def _faults(columns, raw_units, absent, figures):
 
     `columns` are the samples, (n,) by name, `raw_units` the unit of each sensor in the log, and
     `absent` the quantity of a sensor that the log lacks, or None. `figures` are the quality figures
-    that `measure` has so far.
+    that `measure` has so far. Rows of zeros of the gyroscope count only where the accelerometer is
+    zero, too, because a gyroscope at rest may show three zeros. A silent channel does not count as
+    stuck, nor does a saturated one at an end of its range.
     """
     t, x, padding = columns[TIME], {**columns}, True
     faults = {
@@ -185,7 +187,7 @@ def rails(figures, full_scale):
 
 
 def stuck(figures):
-    """Return the time spans in which a channel is stuck at one value, a list of [first, last], s.
+    """Return the time spans in which any channel is stuck at one value, a list of [first, last], s.
 
     `figures` are the quality figures of the log, as `measure` returns them.
     """

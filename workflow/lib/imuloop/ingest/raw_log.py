@@ -59,8 +59,9 @@ def absent_sensor(log, columns):
     """Return the quantity of the sensor that a log lacks, or None if it has both sensors.
 
     `log` is the RawLog. A sensor was not logged if it is None in the declared `columns`, or if the
-    table has fewer unread columns than a sensor has axes. Otherwise its columns are not known, and
-    an ImuloopError is raised.
+    table has fewer unread columns than a sensor has axes, so that they cannot hold one. An
+    ImuloopError is raised if a sensor is lacking for neither reason: some unread columns may hold
+    it.
     """
     lacks = [quantity for quantity in SENSORS if quantity not in log.names]
     for quantity in lacks:

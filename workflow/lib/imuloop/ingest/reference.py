@@ -144,8 +144,8 @@ def _on_clock(reference, t, w):
 
     At the offset the magnitudes of the angular rates of reference and samples agree best.
     `reference` is the Reference on its own clock. `t` are the times of n samples, s, (n,), and `w`
-    their angular rates, rad/s, (n, 3). If the offset is at most `COMPARED`, both have the same
-    clock and 0 is added; the diagnosis estimates such an offset.
+    their angular rates, rad/s, (n, 3). If the offset is at most `COMPARED`, both are taken to have
+    the same clock, and nothing is added: the diagnosis estimates so small an offset itself.
     """
     # loaded late, as few logs have a reference
     from scipy.signal import correlate, correlation_lags
@@ -169,12 +169,13 @@ def _on_clock(reference, t, w):
 def _without_swaps(reference, t, w, frame):
     """Return a Reference without attitudes in which one marker is taken for another, and counts.
 
-    Let q be the attitude of the `reference` and G the attitude by the gyroscope. Then q Gᵀ drifts
-    slowly. While markers are swapped, q Gᵀ is off its running median over `BLOCK` s by more than
-    `SWAPPED`, rad. Such attitudes and places become not-a-number. The counts are a dict: ``swaps``,
-    how often this begins, and ``swapped``, the number of attitudes. `t` are the times of n samples,
-    s, (n,), `w` their angular rates, rad/s, (n, 3), and `frame` rotates from the axes of the sensor
-    to the axes of the reference, (3, 3).
+    Let q be the attitude of the `reference` and G the attitude by the gyroscope. Then q Gᵀ, by
+    which they differ, drifts only slowly. While markers are swapped, q Gᵀ is off its running median
+    over `BLOCK` s by more than `SWAPPED`, rad. Such attitudes and places become not-a-number. The
+    counts are a dict: ``swaps`` is the number of times that markers begin to be swapped, and
+    ``swapped`` the number of attitudes without a value for this reason. `t` are the times of n
+    samples, s, (n,), `w` their angular rates, rad/s, (n, 3), and `frame` rotates from the axes of
+    the sensor to the axes of the reference, (3, 3).
     """
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
@@ -199,7 +200,8 @@ def _noise(reference):
     """Return the standard deviations of the white noise of a Reference, a dict.
 
     `reference` is the Reference. The key ``orientation`` is for the attitude, rad, and ``position``
-    for the place, m. With too few samples the first is 0 and the second None.
+    for the place, m. With too few samples the value of ``orientation`` is 0, and the value of
+    ``position`` is None.
     """
     t, has_attitude, has_place = reference.t, reference.has_attitude, reference.has_place
     attitude = Rotation.from_quat(reference.q[has_attitude], scalar_first=True)
@@ -215,8 +217,8 @@ def _white_noise(t, change):
 
     `t` are the times of the values, s, (n,), and `change` is the change from each value to the next
     one on three axes, (n - 1, 3), in the unit of σ. White noise gives third differences of the
-    values the variance 20 σ²; motion is smooth over three steps and adds little. Only third
-    differences of evenly spaced values are used.
+    values the variance 20 σ²; motion is smooth over three steps and adds little. So σ is the median
+    magnitude of the third differences over 0.6745 √20. Only evenly spaced values are used.
     """
     steps = np.diff(t)
     if len(steps) < 3:

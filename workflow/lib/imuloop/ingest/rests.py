@@ -151,8 +151,9 @@ def _scale(before, after, steps, scales):
     `before` and `after` are the directions of gravity, on axes of the device, at the start and the
     end of the move, unit vectors (3,). `steps` are the rotation vectors of the n steps of the move,
     rad, (n, 3); they are divided by k. `scales` are the s values of k that are tried, (s,); the
-    result is interpolated between them. It is None if the best of them is the first or the last, or
-    leaves an error of more than `MOST_LEFT` of the turn.
+    result is interpolated between them. It is None if the best of them is the first or the last. It
+    is None, too, if with the best one gravity ends off `after` by more than the share `MOST_LEFT`
+    of the angle from `before` to `after`.
     """
     turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
     rest = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
@@ -168,12 +169,13 @@ def _scale(before, after, steps, scales):
 
 
 def _changes(rate, turning):
-    """Return the squared change of the mean rate between windows, and its part by noise, (2, n).
+    """Return how much the mean rate changes between windows, and how much of it is noise, (2, n).
 
-    The changes are between n + 1 successive windows. `rate` has k values of the three axes in each
-    of them, (3, n + 1, k), and `turning` their means, (3, n + 1). White noise of variance v gives
-    the mean of k values the variance v/k, and the difference of two such means twice that. v is
-    half the mean square of the differences between neighbouring values.
+    The first row has the n squared changes between n + 1 successive windows, (rad/s)². The second
+    has the part of each that white noise causes on average. `rate` has the k angular rates of the
+    three axes in each window, rad/s, (3, n + 1, k), and `turning` their means, (3, n + 1). White
+    noise of variance v gives the mean of k values the variance v/k, and the difference of two such
+    means twice that. v is half the mean square of the differences between neighbouring values.
     """
     white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
     return np.array([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])

@@ -68,11 +68,11 @@ def _link(path, target):
 
 
 def _gather(bag, topics):
-    """Add the messages of a bag to `topics`; return how many fewer there are than it announces.
+    """Add the messages of a bag to `topics`; return how many of them are lost.
 
-    `bag` is the path of the bag. `topics` maps (name, type) of a topic to three sequences: its time
-    stamps, ns, of header and receipt in turn; its values, row by row; and the times of receipt of
-    unreadable messages.
+    `bag` is the path of the bag. Lost are the messages that the bag announces but does not hold.
+    `topics` maps (name, type) of a topic to three sequences: its time stamps, ns, of header and
+    receipt in turn; its values, row by row; and the times of receipt of unreadable messages.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -107,9 +107,9 @@ def _gather(bag, topics):
 def _stream(name, kind, stamps, values, damaged):
     """Return the Stream of a topic of m messages: its time stamps and its values by name.
 
-    `name` is the name of the topic, and `kind` the type of its messages. `stamps` are stamps, ns,
-    of header and receipt in turn, (2 m,). `values` are the numbers of the messages, row by row.
-    `damaged` has the times of receipt of unreadable messages.
+    `name` is the name of the topic, and `kind` the type of its messages. `stamps` has for each
+    message the time stamp of its header, then the time of its receipt, ns, (2 m,). `values` are the
+    numbers of the messages, row by row. `damaged` has the times of receipt of unreadable messages.
     """
     headers, received = np.asarray(stamps).reshape(-1, 2).T
     values, notes = np.asarray(values).reshape(-1, len(_FIELDS[kind])).T, []

@@ -38,8 +38,9 @@ class Rows:
     same : array of bool
         Rows that repeat the one before in time stamp and all values.
     x, usable, before : array
-        Mended time stamps, or numbers of the rows, in units of `scale` s; the mask of the usable
-        ones; and the newest one before each row, which is less than `origin` for the first row.
+        `x` are the mended time stamps, or the numbers of the rows, in units of `scale` s. `usable`
+        is the mask of the usable ones. `before` has the newest usable one of all rows before each
+        row; for the first row, it is `origin` - 1.
     clock : Clock
         The faults of the time stamps that were mended.
     timeline : Timeline or None
@@ -107,7 +108,10 @@ class Rows:
 
     @property
     def inside(self):
-        """Mask of the rows in the time range that do not repeat the row before, (n,) of bool."""
+        """Mask of the rows in the time range that do not repeat the row before, (n,) of bool.
+
+        A row without a usable time stamp counts as sampled at the newest one before it.
+        """
         if not self.declared.time_range:
             return ~self.same
         start, end = _window(self.declared.time_range, self.moment(self.origin))
@@ -134,7 +138,8 @@ class Rows:
     def moment(self, stamp):
         """Return a time as ns since 1970; None if the time stamps of the log are not dates.
 
-        `stamp` is the time in the unit of the time stamps.
+        `stamp` is the time in the unit of the time stamps; with 1PPS marks, GNSS time in s from the
+        first mark.
         """
         if self.timeline:
             return self.timeline.moment(stamp)
@@ -147,8 +152,8 @@ class Rows:
         """Set the time stamps `x` of the rows to the time at which they were sampled, in place.
 
         Time stamps that roll over, start again or stray are mended. If there are 1PPS marks, in the
-        log or in the file `marks_file`, the time stamps become GNSS time. Otherwise they
-        are made even if the sensor samples evenly.
+        log or in the file `marks_file`, the time stamps become GNSS time. Otherwise they are made
+        even if the sensor samples evenly but its host stamps unevenly.
         """
         x = self.x
         if self.stamped:
@@ -164,7 +169,10 @@ class Rows:
             self._make_even()
 
     def _put_on(self, x):
-        """Set the time stamps of the n rows to `x`, (n,), in place, and the newest before each."""
+        """Set `x` to the time stamps of the n rows, (n,), in place.
+
+        Also set `before`, which holds the newest usable time stamp of all rows before each row.
+        """
         self.x = x
         self.before = np.where(self.usable, x, self.origin - 1)
         self.before[1:] = np.maximum.accumulate(self.before)[:-1]

@@ -129,9 +129,10 @@ def _candidates(x, step):
     `x` are the n samples of the channel, (n,), and `step` is its quantisation step. A cheap test
     excludes most samples: the distance of a sample from the cubic through two samples on each side
     has to exceed `OF_NOISE` steps and twice the distances of the samples three and five rows away.
-    The four rows of the result are: number of the row, value c of the cubic fitted to NEAR samples
-    on each side, distance of the sample from c, and this distance over the largest distance of
-    these neighbours from the cubic.
+    The first row of the result has the number of the row of each candidate. The second has the
+    value c there of the cubic fitted to its neighbours, NEAR samples on each side. The third has
+    the distance of the sample from c. The fourth has this distance over the largest distance of a
+    neighbour from the cubic.
     """
     distance = _distance(x)
     inner, twice = distance[REACH:-REACH], 2 * distance

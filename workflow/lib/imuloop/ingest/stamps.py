@@ -159,8 +159,8 @@ def absolute_nanoseconds(stamp, unit, absolute):
 def check_unit(stamp, unit):
     """Raise a RejectedLog if the time stamps of a log are dates in a finer unit than declared.
 
-    `stamp` is the first time stamp, a number, and `unit` its unit. In this unit it is after the
-    year 2100, but in a finer one between the years 2000 and 2100.
+    `stamp` is the first time stamp, a number, and `unit` its unit. The log is rejected if the stamp
+    lies after the year 2100 in this unit, but between 2000 and 2100 in a finer unit.
     """
     finer = [name for name in NANOSECONDS if absolute_nanoseconds(stamp, name, False) is not None]
     if finer and stamp * NANOSECONDS[unit] >= _UNIX[1]:

@@ -122,8 +122,9 @@ def raw_log(streams, columns=None, notes=(), damage=()):
 def names_in(columns):
     """Return the names of topics or messages that declared columns may mean, a set.
 
-    `columns` are the declared columns by quantity, or None. The names are all words in them, with
-    and without the number of an instance at the end.
+    `columns` are the declared columns by quantity, or None. The names are all words in the
+    declarations, and also these words without the number of an instance at the end. Besides the
+    usual topics, a reader has to look only at topics with these names.
     """
     words = re.findall(r"\w+", str(columns or ""))
     return {*words, *(re.sub(r"_\d+\Z", "", word) for word in words)}

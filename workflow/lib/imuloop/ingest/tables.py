@@ -123,8 +123,9 @@ def doubles(column):
 def _without_turns(log):
     """Return a RawLog whose rows hold both sensors, from one whose rows may hold them in turn.
 
-    If the rows of `log` hold the accelerometer and the gyroscope in turn, the rows of each sensor
-    are a log, and these two logs are joined. Otherwise the result is `log`.
+    Rows hold the accelerometer and the gyroscope in turn if in each of them the other sensor is
+    not-a-number or zero. Then the rows of each sensor are made a log of their own, and these two
+    logs are joined. Otherwise the result is `log` itself.
     """
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log
@@ -153,7 +154,7 @@ def _absent(batch, lacks):
     """Return whether each of n rows lacks all axes of each of the two sensors, (2, n) of bool.
 
     The first axis is accelerometer, gyroscope. `batch` has the rows. The function ``lacks(values)``
-    returns which values are absent.
+    returns a mask of the values that count as absent: not-a-number, or zeros.
     """
     values = np.array([batch[name] for name in CHANNELS]).reshape(2, len(AXES), -1)
     return lacks(values).all(axis=1)

@@ -69,8 +69,9 @@ def _sensor_id(quantity, data, parameters):
     """Return the device id and the slot of a sensor in the autopilot, {name: {"id", "slot"}}.
 
     `quantity` is the quantity of the sensor. The slot is the number in the name of PX4's parameter
-    with this id: 0 for CAL_ACC0_ID. The id comes from `data`, the fields of the sensor's topic, or
-    else from PX4's `parameters`. The result is empty if there is no id or more than one.
+    with this id, 0 for CAL_ACC0_ID; it is 0, too, if no parameter has the id. The id comes from
+    `data`, the fields of the sensor's topic, or else from PX4's `parameters`. The result is empty
+    if there is no id or more than one.
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
