@@ -126,8 +126,9 @@ def text_columns(source, layout, positions, log, stamps):
     `positions` are their positions in the table, from 0. `source` is the path of the table or its
     text as bytes, and `layout` its Layout. The first `stamps` columns, a number, are time stamps,
     int64, float64 or timestamp[ns]; the following ones are float64. Bad lines and their bytes are
-    counted in the RawLog `log`. Rows in which all of these columns are missing are left out, as at
-    the end of the columns of a slower sensor. Raises a RejectedLog if the text cannot be parsed.
+    counted in the RawLog `log`. In a table with time stamps, rows in which all of these columns are
+    missing are left out, as at the end of the columns of a slower sensor. Raises a RejectedLog if
+    the text cannot be parsed.
     """
     every, names = [str(at) for at in range(len(layout.names))], [str(at) for at in positions]
     # the size of a block is no limit, so that no line is longer than one
@@ -275,6 +276,6 @@ def _numbers(text):
 
 
 def _weight(text):
-    """Return the number of bytes of `text`, bytes, without blanks, zeros and unwritten memory."""
+    """Return the number of bytes in `text`, bytes, that are neither blanks nor unwritten memory."""
     # to count takes far longer than to search
     return len(text) - sum(text.count(byte) for byte in (_EMPTY, b" ") if byte in text)

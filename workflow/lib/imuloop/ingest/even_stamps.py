@@ -213,7 +213,9 @@ def _clock(t):
     .. math:: C(f) = \left|\sum_k e^{2 \pi i f t_k}\right| / n,
 
     between their mean rate and twice that. A normal delay of standard deviation :math:`\sigma`
-    lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it.
+    lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it. Of several
+    high peaks the one at the lowest frequency is taken, because the others may be its images. If it
+    is not the clock, the mean rate itself is tried.
     """
     mean = (len(t) - 1) / (t[-1] - t[0])
     x = (t - t[0]) * mean
@@ -270,8 +272,8 @@ def packet_step(rows, t, repeats):
     A packet has the rows that share a time stamp. The stamp is the time of its last row, or else of
     its first. The result is None if rows that share a stamp are not packets: if the steps between
     stamps do not grow with the number of rows. `rows` and `t` are number and time, s, of each of n
-    rows with a new time stamp, (n,). `repeats` is the number of rows that repeat the time stamp of
-    the row before; with too few of them the result is None, too.
+    rows with a new time stamp, (n,). `repeats` is the number of rows that repeat the newest time
+    stamp before them; with too few of them the result is None, too.
     """
     if repeats < ENOUGH or len(t) < 3:
         return None

@@ -21,8 +21,8 @@ def jitter_sign(t, w, step, grid=0.0):
 
     is 1 if the samples were taken at their time stamps, and 0 if they were taken at even steps and
     stamped late. s and s' are two estimates of the slope dw/dt from different samples, so that
-    their noise is independent. Steps over dropped samples are left out. Without a turn the result
-    is 0.
+    their noise is independent. Steps over dropped samples are left out. The result is 0 if β
+    differs from 1/2 by less than `SURE` standard errors, as without a turn.
 
     Parameters
     ----------

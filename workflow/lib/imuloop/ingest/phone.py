@@ -112,7 +112,8 @@ def _usual(quantity, tables, logger):
 
     `quantity` is the quantity of the sensor, `tables` are the Layouts by name, and `logger` tells
     whether they are from Sensor Logger. If some of the tables that look like it are uncalibrated,
-    only these are returned.
+    only these are returned. Exception: Sensor Logger's table Accelerometer is not in the list,
+    because its values lack gravity.
     """
     names = []
     for name, table in tables.items():

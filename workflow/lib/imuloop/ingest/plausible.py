@@ -65,9 +65,9 @@ class Ratio:
 def force_ratio(e):
     """Return the Ratio of the specific force to gravity.
 
-    The force is the one at rest or, if the log has no rests, the mean over the whole log. The
-    result is None without an accelerometer, or if the sampling rate was too implausible to look for
-    faults. `e` is the Evidence on a log: all that ingest knows about it.
+    The force is its median size at rest or, if the log has no rests, its mean size. The result is
+    None without an accelerometer, or if the sampling rate was too implausible to look for faults.
+    `e` is the Evidence on a log: all that ingest knows about it.
     """
     if e.absent == "acceleration" or not e.figures["faults"]:
         return None
@@ -191,9 +191,10 @@ def size_of_force(e):
 def changed_force(e):
     """Return the least and the largest size of the specific force at rest if they differ, a dict.
 
-    They differ if the largest is more than `CHANGED` times the least. Otherwise the result is
-    False. It is False, too, if the log has no rests, or if a channel is constant, stuck, clipped or
-    a copy. `e` is the Evidence on a log: all that ingest knows about it.
+    Of all sizes at rest the 5 % quantile is taken as the least, and the 95 % quantile as the
+    largest. They differ if the largest is more than `CHANGED` times the least. Otherwise the result
+    is False. It is False, too, if the log has no rests, or if a channel is constant, stuck, clipped
+    or a copy. `e` is the Evidence on a log: all that ingest knows about it.
     """
     rests, is_whole = e.faults["rests"], not (e.is_cut or e.faults["copies"])
     low, _, high = rests["force"] if rests and is_whole else (1.0, 1.0, 1.0)

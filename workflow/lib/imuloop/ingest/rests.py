@@ -76,6 +76,15 @@ def measure_rests(means, step, guess=None):
         Time over which each mean is taken, s.
     guess : float, optional
         First estimate of the scale k of the angular rate, by `fit_axes`.
+
+    Returns
+    -------
+    dict or None
+        ``share`` is the share of the windows that lie in stops. ``force`` has the 5 %, 50 % and
+        95 % quantiles of the specific force in these, m/s^2. ``turned`` is the largest angle
+        between gravity in one of these and its usual direction, rad. ``turn_ratio`` is the result
+        of `turn_ratio`. ``change`` is the median change of the mean rate from window to window,
+        rad/s, and ``change_share`` its square over the part of white noise, None without noise.
     """
     fine = max(round(WINDOW / step), 4)
     count = means.shape[1] // fine

@@ -67,9 +67,10 @@ _SPELT["interval"] = _SPELT["time"]
 class _Match(NamedTuple):
     """How the name of a column shows a quantity; of several matches the smallest is the best.
 
-    `kind` is the way in which it does, `_USUAL` to `_LAST`. `ending` tells whether the words of a
-    unit at the end were left out. `skipped` is the number of words before the known `name`; these
-    words are the `prefix`. `place` is the index of the known name in the table.
+    `kind` is the way in which the name shows the quantity, one of the numbers from `_USUAL`, the
+    best, to `_LAST`. Matches are compared as tuples. `ending` tells whether the words of a unit at
+    the end were left out. `skipped` is the number of words before the known `name`; these words are
+    the `prefix`. `place` is the index of the known name in the table.
     """
 
     kind: int

@@ -132,7 +132,7 @@ def _candidates(x, step):
     The first row of the result has the number of the row of each candidate. The second has the
     value c there of the cubic fitted to its neighbours, NEAR samples on each side. The third has
     the distance of the sample from c. The fourth has this distance over the largest distance of a
-    neighbour from the cubic.
+    neighbour from the cubic; samples with at most `OF_NEIGHBOURS` there are left out.
     """
     distance = _distance(x)
     inner, twice = distance[REACH:-REACH], 2 * distance

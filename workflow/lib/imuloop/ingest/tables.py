@@ -91,8 +91,9 @@ def _unit_of_stamps(log):
     """Return the tick of the time stamps of a log and their unit; None if the unit is not clear.
 
     The tick is a factor: stamps multiplied by it are in the unit. `log` is the RawLog. The unit is
-    clear if the stamps are Unix time in a finer unit than s, at a plausible rate, or ticks of
-    Xsens.
+    clear in two cases: the stamps are Unix time in ms, us or ns and have a plausible rate, or their
+    column has Xsens' name for its ticks, sample time fine. If the file states the unit, the result
+    is None, too.
     """
     name = log.names.get("time")
     if "time" in log.units or not isinstance(name, str):

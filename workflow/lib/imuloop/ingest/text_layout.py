@@ -147,8 +147,9 @@ def unreadable(error):
 def _rows(lines, least):
     """Return the separator with which most fields of lines are numbers, the width, and the rows.
 
-    `lines` are the texts. The width is the number of fields that most lines have, at least `least`.
-    The rows are the fields of each line, a list of lists; it is empty if the lines are not a table.
+    `lines` are the texts. The first result is a text. The second, the width, is the number of
+    fields that most lines have, at least `least`. The third is a list of rows, a list of fields for
+    each line. If the lines are not a table, the results are an empty text, 0 and an empty list.
     """
     best = 0.0, "", 0, []
     for separator in _SEPARATORS if lines else ():
