@@ -36,8 +36,8 @@ def new_rows(samples, names):
     """Return the rows in which a sensor has a new sample, an index array, (k,), or a slice of all.
 
     `samples` are the columns of a log by name, and `names` the channels of the sensor. If two
-    sensors have clocks of their own, the rows repeat samples of the slower one; these repetitions
-    are left out of the result.
+    sensors have different clocks, the rows repeat samples of the slower one; these repetitions are
+    left out of the result.
     """
     stamps = {axes: OWN_TIME[sensor] for sensor, axes in SENSORS.items()}.get(tuple(names))
     return own_rows(samples[stamps]) if stamps in samples else slice(None)

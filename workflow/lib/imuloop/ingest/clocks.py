@@ -164,8 +164,8 @@ class Clock:
 def _count_unpadded(last, first, second):
     """Return the number of stamps that fall because leading zeros are missing.
 
-    A stamp falls if it is smaller than the one before. The result is 0 if so few stamps fall in
-    this way that it may be an accident.
+    A stamp falls if it is smaller than the one before. The result is 0 if only a few stamps fall in
+    this way, as they may by accident.
 
     With a part of a second that lacks its zeros, 0.99 s written for 99 ms is followed by 0.1 s for
     100 ms. `last` and `first` are the stamps before and after each of k falls, (k,). `second` is a

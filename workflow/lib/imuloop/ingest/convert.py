@@ -28,16 +28,16 @@ class Counts:
     """Numbers of used and dropped rows of a log, and facts about its clock and its values.
 
     Each row that is dropped is counted once, under the first fault that applies. `read` counts all
-    rows, `outside` those outside of the time range, `non_finite` those with missing or impossible
-    values, and `spiked` those with a spike on a single channel; `missing_values`,
-    `impossible_values` and `spike_values` have the numbers by channel. `identical` rows repeat the
-    row before in time stamp and all values. `reasons` are lines on why a log cannot be used.
-    `is_gravity` is true if the angular rate holds gravity, and `in_two_units` describes a sensor
-    whose samples are logged twice, or is None. `increments`, `pps` and `logged` are entries of
-    quality.json on increments, 1PPS marks and rebuilt time stamps, or None; `rebuilt` is the line
-    on rebuilt time stamps for the user. `start_ns` is the time of the first sample, ns since 1970,
-    None if the time stamps are not dates. `begin_s` is the time from the first time stamp of the
-    log, `origin`, to the first sample, s.
+    rows, `outside` those outside of the time range, `non_finite` those with a missing or impossible
+    value of a sensor (a missing temperature does not count), and `spiked` those with a spike on a
+    single channel; `missing_values`, `impossible_values` and `spike_values` have the numbers by
+    channel. `identical` rows repeat the row before in time stamp and all values. `reasons` are
+    lines on why a log cannot be used. `is_gravity` is true if the angular rate holds gravity, and
+    `in_two_units` describes a sensor whose samples are logged twice, or is None. `increments`,
+    `pps` and `logged` are entries of quality.json on increments, 1PPS marks and rebuilt time
+    stamps, or None; `rebuilt` is the line on rebuilt time stamps for the user. `start_ns` is the
+    time of the first sample, ns since 1970, None if the time stamps are not dates. `begin_s` is the
+    time from the first time stamp of the log, `origin`, to the first sample, s.
     """
 
     reasons: list = field(default_factory=list)
@@ -82,8 +82,8 @@ def si_samples(rows, raw_units):
     """Return the samples of a log in SI, a dict of columns, (n,), and their `Counts`.
 
     `rows` are the `Rows` of the log. `raw_units` has the `RawUnit` of each sensor, which converts
-    it to SI, by quantity. The column ``t`` starts at 0 and rises, s. Rows with a fault are left out
-    and counted.
+    it to SI, by quantity. The column ``t`` is the time, s; it starts at 0 and increases. Rows with
+    a fault are left out and counted. Exception: spikes are still in the samples.
     """
     log = rows.log
     if log.slower and increments.factors(rows.units):

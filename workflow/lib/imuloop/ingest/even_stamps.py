@@ -118,7 +118,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
 
 
 def _width(x):
-    """Return how far n values scatter: the width of the range that holds nine in ten of them.
+    """Return the scatter of n values: the width of the range that holds nine in ten of them.
 
     `x` are the values, (n,). The width is the median of the widths in `PARTS` consecutive parts of
     them, so that a slow drift does not count.
@@ -213,9 +213,9 @@ def _clock(t):
     .. math:: C(f) = \left|\sum_k e^{2 \pi i f t_k}\right| / n,
 
     between their mean rate and twice that. A normal delay of standard deviation :math:`\sigma`
-    lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it. Of several
-    high peaks the one at the lowest frequency is taken, because the others may be its images. If it
-    is not the clock, the mean rate itself is tried.
+    lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it. If several
+    peaks are high, the lowest frequency is taken, because higher ones may be its images. If it is
+    not the clock, the mean rate itself is tried.
     """
     mean = (len(t) - 1) / (t[-1] - t[0])
     x = (t - t[0]) * mean

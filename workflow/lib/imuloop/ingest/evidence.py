@@ -102,7 +102,7 @@ class Evidence:
 
     @property
     def faults(self):
-        """The figures ``faults`` of the samples; if there are none, an empty dict for each name."""
+        """The figures ``faults`` of the samples; without them, an empty dict for each name."""
         return self.figures["faults"] or defaultdict(dict)
 
     @property

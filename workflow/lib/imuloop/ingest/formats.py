@@ -89,9 +89,10 @@ def find_format(name, paths):
     """Return the name and the reader of the format of a log.
 
     `name` is the declared name; if it is None, the format is guessed from the files. `paths` are
-    the paths of the files by role. The reader is a function that returns a RawLog:
-    ``read(paths, columns=None)``. Raises an ImuloopError if the name is unknown, or if the files
-    show no format or do not fit it, and a RejectedLog if a file is not a log of any format.
+    the paths of the files by role. The reader is a function that returns a RawLog: ``read(paths,
+    columns=None)``. Raises an ImuloopError if the name is unknown, if the files show no format, or
+    if a path is a folder, which most formats cannot read; raises a RejectedLog if a file is not a
+    log of any format.
     """
     for path in paths.values():
         if cause := no_log(path):

@@ -47,8 +47,8 @@ def rates(rows):
     values : dict of str to array
         Channels by name, (n,) each; not-a-number for a row without a readable interval.
     first, wide : array of bool, shape (n,)
-        Masks of the rows at the start of the log, which have no interval, and of the rows that end
-        a gap.
+        `first` is the mask of the rows at the start of the log, which have no interval. `wide` is
+        the mask of the rows after a gap, whose interval is the usual step.
     usual : float or None
         Usual step of the time stamps, s; None if they are not needed.
     """

@@ -123,8 +123,8 @@ def choose_units(log, declared):
     """Return the unit of each quantity in a log, a dict, and lines on contradictions, a list.
 
     `log` is the RawLog. `declared` are the declared units by quantity; they come before the units
-    that the log states. A line says that the two differ. Raises an ImuloopError for an unknown
-    unit.
+    that the log states. A contradiction is a declared unit that differs from the stated one; a line
+    says so to the user. Raises an ImuloopError for an unknown unit.
     """
     stamps = log.names.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
@@ -179,8 +179,8 @@ def check(evidence):
     """Return the samples of a log without spikes, the content of quality.json, and the origin.
 
     `evidence` is the Evidence on the log, after `convert`; its samples and figures are set. The
-    samples are columns by name, without rows if the log is rejected. The origin is the metadata of
-    the samples, a dict (`_origin`).
+    first result is a dict of columns by name, without rows if the log is rejected. The second is a
+    dict. The third is the metadata of the samples, a dict as `_origin` returns it.
     """
     log, counts, declared = evidence.log, evidence.counts, evidence.declared
     gaps = quality.time_figures(evidence.samples[TIME])["gaps"]

@@ -90,8 +90,8 @@ def _rows(log):
     """Return the time stamps of a log, (n,), its values by name, (n,) each, and the stamps' unit.
 
     `log` is the RawLog. Without time stamps the numbers of its rows stand in their place. Rows with
-    an unreadable stamp are left out. The unit is "ns" for dates, and None if the log does not state
-    it.
+    an unreadable stamp are left out. The unit is "ns" for dates; otherwise it is the unit that the
+    log states, or None if it states none.
     """
     count = log.batch.num_rows
     stamps, readable, dates = np.arange(count), np.ones(count, dtype=bool), False

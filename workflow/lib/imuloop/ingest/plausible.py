@@ -191,7 +191,7 @@ def size_of_force(e):
 def changed_force(e):
     """Return the least and the largest size of the specific force at rest if they differ, a dict.
 
-    Of all sizes at rest the 5 % quantile is taken as the least, and the 95 % quantile as the
+    The 5 % quantile of the sizes at rest is taken as the least, and the 95 % quantile as the
     largest. They differ if the largest is more than `CHANGED` times the least. Otherwise the result
     is False. It is False, too, if the log has no rests, or if a channel is constant, stuck, clipped
     or a copy. `e` is the Evidence on a log: all that ingest knows about it.

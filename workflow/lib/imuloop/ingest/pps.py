@@ -126,7 +126,7 @@ def _fit_timeline(counters, times, dated, rows):
     """Return the Timeline through the usable ones of n marks: GNSS time over the local counter.
 
     A mark is rejected if its time is not a whole second, or if it is more than `MOST_OFF` s away
-    from the line through its neighbours. Of the remaining marks the longest run is used over which
+    from the line through its neighbours. The longest run of the remaining marks is used over which
     the rate of the local clock differs from its nominal rate by at most `MOST_OFF`, s per s.
     `counters` are the counters of the marks without roll-overs, (n,). `times` are their GNSS times,
     (n,), ns since 1970 if `dated`, else s. `rows` are the `Rows` of the log. Raises a RejectedLog

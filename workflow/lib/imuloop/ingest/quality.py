@@ -27,8 +27,8 @@ def measure(columns, raw_units, full_scale, absent=None):
     """Return the quality figures of samples, a dict as in quality.json.
 
     If a sensor has a slower clock, rows repeat its samples; its figures use each sample once. A
-    figure is None if the rows do not show it. ``faults`` is empty if the rate is not within
-    `PLAUSIBLE_RATE`.
+    figure is None if it cannot be known from the samples, as the rate of a log with one row.
+    ``faults`` is empty if the rate is not within `PLAUSIBLE_RATE`.
 
     Parameters
     ----------

@@ -80,11 +80,12 @@ def measure_rests(means, step, guess=None):
     Returns
     -------
     dict or None
-        ``share`` is the share of the windows that lie in stops. ``force`` has the 5 %, 50 % and
-        95 % quantiles of the specific force in these, m/s^2. ``turned`` is the largest angle
-        between gravity in one of these and its usual direction, rad. ``turn_ratio`` is the result
-        of `turn_ratio`. ``change`` is the median change of the mean rate from window to window,
-        rad/s, and ``change_share`` its square over the part of white noise, None without noise.
+        ``share`` is the share of the windows that lie in stops. ``force`` has the quantiles 0.05,
+        0.5 and 0.95 of the size of the specific force in these windows, m/s^2. ``turned`` is the
+        largest angle between gravity in one of them and its usual direction in the log, rad.
+        ``turn_ratio`` is the result of `turn_ratio`. ``change`` is the median change of the mean
+        rate from window to window, rad/s, and ``change_share`` its square over the part that white
+        noise causes, or None if this part is zero.
     """
     fine = max(round(WINDOW / step), 4)
     count = means.shape[1] // fine
@@ -178,7 +179,7 @@ def _scale(before, after, steps, scales):
 
 
 def _changes(rate, turning):
-    """Return how much the mean rate changes between windows, and how much of it is noise, (2, n).
+    """Return the squared changes of the mean rate between windows, and their part by noise, (2, n).
 
     The first row has the n squared changes between n + 1 successive windows, (rad/s)². The second
     has the part of each that white noise causes on average. `rate` has the k angular rates of the

@@ -130,7 +130,7 @@ class Rows:
     def times(self, keep):
         """Return the times of k of the rows, counted from the first of these, s, (k,).
 
-        `keep` is a mask of the rows, or a slice.
+        `keep` tells which rows: a mask, (n,) of bool, or a slice.
         """
         x = self.x[keep]
         return (x - x[0]) * self.scale
@@ -182,7 +182,8 @@ class Rows:
         """Make the time stamps even, or spread them within packets, if the log needs it; in place.
 
         They are made even if the sensor samples evenly but a host stamps its samples unevenly.
-        Otherwise they are spread if rows come in packets, which share a time stamp.
+        Otherwise they are spread if rows come in packets, that is, if several rows share a time
+        stamp. In all other cases they stay.
         """
         whole = self.usable & self.inside
         for name in CHANNELS:
@@ -209,9 +210,10 @@ class Rows:
 def _window(time_range, first):
     """Return the start and the end of a time range in seconds from the log's first stamp, a list.
 
-    `time_range` has two entries: seconds, dates, or None for an open side. `first` is the first
-    stamp, ns since 1970, or None if it is not a date. Raises an ImuloopError for a date in a log
-    without dates, and if the start is not before the end.
+    `time_range` has a start and an end. Each is a number of seconds, a date, or None if the side is
+    open; then the result is infinite there. `first` is the first stamp, ns since 1970, or None if
+    it is not a date. Raises an ImuloopError for a date in a log without dates, and if the start is
+    not before the end.
     """
     limits = [-np.inf, np.inf]
     for i, value in enumerate(time_range):

@@ -59,7 +59,7 @@ def sha256(path):
 
 
 def _find_in_mirror(mirror, name, digest):
-    """Return the path of a file of some name and SHA-256 below a folder, or None if there is none.
+    """Return the path of a file with a given name and SHA-256 below a folder, else None.
 
     `mirror` is the folder, `name` the name of the file, and `digest` its SHA-256. Raises an
     ImuloopError if there is no such folder.

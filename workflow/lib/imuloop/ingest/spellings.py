@@ -259,8 +259,8 @@ def _triples(names):
     """Return the positions of columns x, y and z whose names differ only in the axis.
 
     `names` are the names of all columns. The result is a list with an entry for each set of such
-    names: a list of tuples of three positions. An entry has one tuple. If a name repeats it has
-    two, whatever the number of repetitions: they suffice to show that the columns are ambiguous.
+    names: a list of tuples of three positions. An entry has one tuple. If a name repeats, it has
+    two; more are left out, because two suffice to show that the columns are ambiguous.
     """
     alike = {}
     for at, name in enumerate(names):

@@ -79,8 +79,8 @@ def raw_log(streams, columns=None, notes=(), damage=()):
 
     `streams` are all Streams of the log. `columns` are the declared columns by quantity: a stream
     or ``STREAM.FIELD``, three of these for a sensor. Other quantities are found by the usual names
-    of fields, in streams with values other than zero. A time or temperature of None counts as not
-    logged. `notes` and `damage` are lines on the log and on its lost parts.
+    of fields, in streams with values other than zero. A time or temperature that is declared as
+    None counts as not logged. `notes` and `damage` are lines on the log and on its lost parts.
 
     Raises an ImuloopError if no stream holds a sensor, but a RejectedLog if there is damage: then
     the data are at fault, not the config. Raises a RejectedLog, too, if no stream has rows.
@@ -157,7 +157,7 @@ def owner(key, columns, tables, bare=False):
     """Return the name of the table that is declared for a quantity, None if none is declared.
 
     `key` is the name of the quantity. `columns` are the declared columns by quantity; the name of
-    the table is removed from those of this quantity, in place. `tables` has the names of the
+    the table is removed from the columns of this quantity, in place. `tables` has the names of the
     columns of each table by its name. If `bare`, columns may be declared without their table.
     Raises an ImuloopError if there is no such table.
     """

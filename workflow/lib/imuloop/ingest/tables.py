@@ -45,7 +45,7 @@ def table_log(names, chosen, columns, headed=True, tick=1, units=(), **facts):
     tick : float
         Factor by which the time stamps are multiplied to have the unit of time.
     units : dict
-        Units by quantity that come before those of ``chosen``.
+        Units by quantity that come before the units of ``chosen``.
     **facts
         Further attributes of the RawLog.
 
@@ -125,8 +125,8 @@ def _without_turns(log):
     """Return a RawLog whose rows hold both sensors, from one whose rows may hold them in turn.
 
     Rows hold the accelerometer and the gyroscope in turn if in each of them the other sensor is
-    not-a-number or zero. Then the rows of each sensor are made a log of their own, and these two
-    logs are joined. Otherwise the result is `log` itself.
+    not-a-number or zero. Then the rows of each sensor become a separate log, and the two logs are
+    joined. Otherwise the result is `log` itself.
     """
     if not {STAMP, *CHANNELS} <= {*log.batch.schema.names}:
         return log
@@ -171,7 +171,7 @@ def read_tables(tables, read, columns):
     read : callable
         ``read(name, columns)`` returns the RawLog of a table.
     columns : dict
-        Declared columns by quantity; those of time may be a dict by quantity.
+        Declared columns by quantity; the columns of time may be a dict by quantity.
 
     Raises
     ------

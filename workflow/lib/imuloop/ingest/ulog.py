@@ -147,7 +147,7 @@ def _unpacked(stamps, fields):
 
     `fields` has columns of a topic by name; each row of them is a buffer of samples. `stamps` has
     the time of the last sample of each buffer, us, and the field ``dt`` the step between two
-    samples, us. If `fields` has no buffers, both are returned as they are.
+    samples, us. If `fields` has no buffers, `stamps` and `fields` are returned as they are.
     """
     width = sum(name.startswith("x[") for name in fields)
     k = np.arange(width)
