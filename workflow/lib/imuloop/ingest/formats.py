@@ -89,8 +89,8 @@ def find_format(name, paths):
     """Return the name and the reader of the format of a log.
 
     `name` is the declared name; if it is None, the format is guessed from the files. `paths` are
-    the paths of the files by role. The reader is a function that returns a RawLog: ``read(paths,
-    columns=None)``. Raises an ImuloopError if the name is unknown, if the files show no format, or
+    the paths of the files by role. The reader is a function, ``read(paths, columns=None)``, that
+    returns a RawLog. Raises an ImuloopError if the name is unknown, if the files show no format, or
     if a path is a folder, which most formats cannot read; raises a RejectedLog if a file is not a
     log of any format.
     """

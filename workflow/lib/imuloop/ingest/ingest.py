@@ -124,7 +124,7 @@ def choose_units(log, declared):
 
     `log` is the RawLog. `declared` are the declared units by quantity; they come before the units
     that the log states. A contradiction is a declared unit that differs from the stated one; a line
-    says so to the user. Raises an ImuloopError for an unknown unit.
+    is for the user. Raises an ImuloopError for an unknown unit.
     """
     stamps = log.names.get("time")
     if list in map(type, stamps.values() if isinstance(stamps, dict) else [stamps]):
@@ -180,7 +180,8 @@ def check(evidence):
 
     `evidence` is the Evidence on the log, after `convert`; its samples and figures are set. The
     first result is a dict of columns by name, without rows if the log is rejected. The second is a
-    dict. The third is the metadata of the samples, a dict as `_origin` returns it.
+    dict, the text of quality.json. The third is the metadata of the samples, a dict as `_origin`
+    returns it.
     """
     log, counts, declared = evidence.log, evidence.counts, evidence.declared
     gaps = quality.time_figures(evidence.samples[TIME])["gaps"]
