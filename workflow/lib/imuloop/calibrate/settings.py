@@ -13,8 +13,8 @@ class CalibrateSettings:
     # imu_tk uses initial_rest; the diagnosis and fits with effects always use rests
     gyroscope_bias: Literal["rests", "initial_rest"] = setting(
         "rests",
-        "From all rests together with the other parameters, or held at the mean of the first",
+        "Estimated from all rests with the other parameters, or the mean of the first rest",
     )
     longest_rotation: float = setting(
-        30.0, "A longer way from one pose to the next is left out of the fit, s", gt=0
+        30.0, "A rotation between two poses that lasts longer is left out of the fit, s", gt=0
     )

@@ -218,11 +218,12 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
     sensor : str
         Name of the sensor.
     contents : dict of str to dict
-        Content of diagnosis.json by kind of record. If the calibration is implausible, the verdicts
-        ``consistent`` and ``explained`` are replaced in this dict.
+        Content of diagnosis.json by kind of record. If the calibration is implausible, a record
+        with the verdict ``consistent`` or ``explained`` becomes not testable in this dict.
     static_kinds : dict of str to str
-        Kinds of the sessions that the static records come from, by name. The verdict on these
-        records counts if one of the sessions is of the kind ``static``.
+        Kind of each session that has static records, by its name. Long rests of other sessions are
+        static records, too. The verdict on static records counts only if at least one of the
+        sessions is of the kind ``static``.
     """
     if why := implausible_values(calibration, sensor):
         for record, content in contents.items():

@@ -318,9 +318,9 @@ class PoseProblem:
     def most_changed_rows(self, search, base, trial):
         """Return the kind of residual that an added effect changes most, and the mask of its rows.
 
-        The mask is (N,) of bool. Changes are compared in standard deviations of the noise. `search`
-        is the Search, which says which rows are training rows. `trial` is the Trial of the effect,
-        and `base` has the effects that are in the model already.
+        The mask is (N,) of bool: all rows of this kind among the N rows of the problem. Changes are
+        compared in standard deviations of the noise, over the training rows of `search`, a Search.
+        `trial` is the Trial of the added effect, and `base` has the effects already in the model.
         """
         training_fit = search.training_fit(base)
         extended = (*base, trial.effect)

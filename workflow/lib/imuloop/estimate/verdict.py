@@ -100,11 +100,11 @@ def compare_with_noise(groups, log_prior, fitted=0):
 
 
 def heldout_p_value(groups, m, k):
-    """Return the probability that noise alone gives larger held-out errors than these, a float.
+    """Return the probability that noise alone gives larger held-out errors than measured, a float.
 
-    Errors are compared by their sum of squares over the residuals of one kind. `groups` are
-    ResidualGroups, `m` is the index of the alternative, one covariance that the noise may have, and
-    `k` is the index of the kind of residual.
+    Compared is the sum of squared errors over all residuals of kind number `k`. `groups` are
+    ResidualGroups, which hold the measured errors and their possible covariances. The noise is
+    taken to have the covariance number `m`.
     """
     square, blocks = 0.0, []
     for group in groups:

@@ -66,12 +66,12 @@ def read(paths, columns=None):
 
 
 def _sensor_id(quantity, data, parameters):
-    """Return the device id and the slot of a sensor in the autopilot, {name: {"id", "slot"}}.
+    """Return {name: {"id": device id, "slot": slot}} of a sensor in PX4, with the sensor's name.
 
-    `quantity` is the quantity of the sensor. The slot is the number in the name of PX4's parameter
-    with this id, 0 for CAL_ACC0_ID; it is 0, too, if no parameter has the id. The id comes from
-    `data`, the fields of the sensor's topic, or else from PX4's `parameters`. The result is empty
-    if there is no id or more than one.
+    `quantity` is what the sensor measures, such as "acceleration". The id comes from `data`, the
+    fields of the sensor's topic, or else from CAL_…_ID in PX4's `parameters`. The slot is the
+    number in the name of the parameter that holds the id, 0 for CAL_ACC0_ID, and 0 as well if
+    no parameter holds it. The result is empty if there is no id or more than one.
     """
     sensor, short, fields = _IDS[quantity]
     slots = {parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
