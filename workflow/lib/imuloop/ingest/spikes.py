@@ -30,6 +30,8 @@ _LEVEL = np.linalg.pinv(_POWERS)[0]
 _AWAY = np.eye(2 * NEAR) - _POWERS @ np.linalg.pinv(_POWERS)
 # the first and the last samples, which have too few neighbours, are not looked at
 _EDGE = REACH + 2
+# number of rows that are searched at once
+_PART = 1 << 14
 _WITHIN = np.arange(-_EDGE, _EDGE + 1)
 # indices of the distances that show the noise, as they do not depend on the sample itself, and of
 # those that depend on it
@@ -134,12 +136,16 @@ def _candidates(x, step):
     the distance of the sample from c. The fourth has this distance over the largest distance of a
     neighbour from the cubic; samples with at most `OF_NEIGHBOURS` there are left out.
     """
-    distance = _distance(x)
-    inner, twice = distance[REACH:-REACH], 2 * distance
-    candidate = inner > OF_NOISE * step
-    for d in (-5, -3, 3, 5):
-        candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
-    rows = np.flatnonzero(candidate) + _EDGE
+    parts = []
+    # the arrays of a part stay in the processor's cache
+    for first in range(0, len(x) - 2 * _EDGE, _PART):
+        distance = _distance(x[first : first + _PART + 2 * _EDGE])
+        inner, twice = distance[REACH:-REACH], 2 * distance
+        candidate = inner > OF_NOISE * step
+        for d in (-5, -3, 3, 5):
+            candidate &= inner > twice[REACH + d : len(distance) - REACH + d]
+        parts.append(np.flatnonzero(candidate) + first + _EDGE)
+    rows = np.concatenate(parts)
     near = x[rows[:, None] + _BESIDE]
     level = near @ _LEVEL
     far = np.abs(x[rows] - level)
